@@ -12,7 +12,7 @@ from sources import ROOT, nodes
 
 #: Classes of which another library decides, that keep what they have computed once (`cached_property`), or whose fields
 #: only tests change, to make an instrument another one.
-OTHERS = {"ItouchTeleopConfig", "ModalitySubject", "VirtualT7"}
+OTHERS = {"ItouchTeleopConfig", "ModalityHarness", "VirtualT7"}
 
 
 @cache

@@ -65,7 +65,8 @@ def test_what_has_moved_is_found_under_its_old_name_with_a_warning() -> None:
 
 @pytest.mark.parametrize(
     ("module", "old", "new"),
-    [("itouch.testing", "Finding", "CheckResult"), ("itouch.contact.meshfile", "Finding", "MeshFinding"),
+    [("itouch.testing", "Finding", "CheckResult"), ("itouch.testing", "DeviceSubject", "DeviceHarness"),
+     ("itouch.testing", "ModalitySubject", "ModalityHarness"), ("itouch.contact.meshfile", "Finding", "MeshFinding"),
      ("itouch.plugin", "Touch", "TwinInputs")],
 )  # fmt: skip
 def test_an_old_name_in_a_module_is_the_new_one_with_a_warning(module: str, old: str, new: str) -> None:

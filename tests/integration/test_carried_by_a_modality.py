@@ -16,7 +16,7 @@ from test_outside_surface import PLUGIN, SCENE
 import itouch
 from itouch.plugin.discovery import Catalog
 from itouch.testing.declared_fields import carries
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 from itouch_tools.cli.__main__ import main
 
 EXAMPLE = (
@@ -210,7 +210,7 @@ def test_the_suite_finds_what_it_says_of_its_surface_and_cannot_be(
     path = scene(f' error="{error}"')
     cls = Catalog().modality("robo", "brings")
     assert cls is not None
-    finding = carries.examine(ModalitySubject(cls, path))
+    finding = carries.examine(ModalityHarness(cls, path))
     assert finding.outcome == ("failed" if error else "passed"), finding.note
     assert said in finding.note
 

@@ -21,7 +21,7 @@ from itouch.loop.engine import Engine
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.geometry import FOUND, Geometry, point_distance, proxy_step
 from itouch.testing.declared_fields import touches
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 from itouch_evidence.renamed import RenamedCatalog
 from itouch_tools.cli.__main__ import main
 
@@ -489,7 +489,7 @@ def test_the_conformance_suite_looks_at_what_it_says(
     path = written("first_touch.xml", local)
     cls = Catalog().modality("mine", local)
     assert cls is not None
-    finding = touches.examine(ModalitySubject(cls, path))
+    finding = touches.examine(ModalityHarness(cls, path))
     assert (finding.outcome, said in finding.note) == (outcome, True), finding.note
 
 

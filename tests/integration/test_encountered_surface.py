@@ -29,7 +29,7 @@ from itouch.plugin.carried_surfaces import ROOM, SLOPE_AHEAD
 from itouch.plugin.discovery import Catalog, Found, find
 from itouch.session import layout_mapping
 from itouch.testing.checks import examine
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 from itouch.testing.suites import MODALITY_CHECKS
 from itouch_encountered import Encountered, choosing, feed_forward, modality, motion, own
 from itouch_tools.cli.__main__ import main
@@ -368,7 +368,7 @@ def test_a_slope_is_seen_to_turn_three_milliseconds_before_the_finger_is_there(t
 
 def test_the_conformance_suite_finds_nothing_wrong(tmp_path: Path) -> None:
     path = asked_for(written("level", tmp_path), "named")
-    found = list(examine(MODALITY_CHECKS, ModalitySubject(Encountered, scene=path)))
+    found = list(examine(MODALITY_CHECKS, ModalityHarness(Encountered, scene=path)))
     assert [f"{one.check.name}: {one.note}" for one in found if one.outcome == "failed"] == []
     assert {one.check.name for one in found if one.outcome == "passed"} >= {"carries", "runs", "determinism"}
 

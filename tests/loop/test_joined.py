@@ -23,7 +23,7 @@ from itouch.plugin import Bound, Contact, ContactEvent, Device, Field, HeardCont
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckError, NotApplicableError
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch_thermal import ThermalDisplay
 from itouch_usb_arm.arm import UsbArm
 from itouch_xyz_table import XyzTable
@@ -49,15 +49,15 @@ def _example() -> Any:
 
 @pytest.mark.parametrize("device", [XyzTable, UsbArm, ThermalDisplay])
 def test_the_shipped_twins_do_the_same_both_ways(device: type[Device]) -> None:
-    assert "ticks" in joined.twin.run(DeviceSubject(device, "device"))
+    assert "ticks" in joined.twin.run(DeviceHarness(device, "device"))
 
 
 def test_the_example_passes_and_its_python_twin_does_not_join() -> None:
     example = _example()
-    assert joined.twin.run(DeviceSubject(example.Rod, "rod"))
+    assert joined.twin.run(DeviceHarness(example.Rod, "rod"))
     slow = type("Slow", (example.Rod,), {"Twin": example.PythonTwin})
     with pytest.raises(NotApplicableError, match="plain Python"):
-        joined.twin.run(DeviceSubject(slow, "rod"))
+        joined.twin.run(DeviceHarness(slow, "rod"))
 
 
 def test_the_example_is_the_same_rod_in_python() -> None:
@@ -79,7 +79,7 @@ def test_a_step_that_differs_is_told() -> None:
 
     wrong = type("WrongRod", (example.Rod,), {"Twin": Wrong})
     with pytest.raises(CheckError, match="the field '(height|speed)' is .* joined"):
-        joined.twin.run(DeviceSubject(wrong, "rod"))
+        joined.twin.run(DeviceHarness(wrong, "rod"))
 
 
 @kernel

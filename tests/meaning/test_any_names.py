@@ -9,7 +9,7 @@ import pytest
 from renamed import OURS, QUIET, Alias, commanded, scene
 
 from itouch.plugin.device import TwinInputs
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch_evidence.renamed import RenamedCatalog
 
 STRANGE = ("qua", "wob", "zig", "fulmar")
@@ -55,7 +55,7 @@ def test_other_names_of_devices_and_of_the_plugin_change_no_bit(ours):
 
 
 def test_a_twin_behind_other_names_keeps_none_of_the_records_that_it_is_given():
-    bench = DeviceSubject(RenamedCatalog(seed=3).device("xyz-table"), "xyz-table").bench()
+    bench = DeviceHarness(RenamedCatalog(seed=3).device("xyz-table"), "xyz-table").bench()
     bench.step(2)
     reading, command = bench.reading.copy(), bench.command.copy()
     for call, record in (

@@ -10,6 +10,7 @@ import pytest
 
 import itouch.plugin
 from itouch.plugin import Attached, Device, Field, OperatorInput, Record, Role, Twin, temperature
+from itouch.testing import DeviceHarness, DeviceTests
 
 
 class Older(Device):
@@ -181,3 +182,18 @@ def test_an_older_device_made_of_a_newer_one_finds_what_its_parent_finds() -> No
     for look in (Made.discover, Made.attached):
         with pytest.warns(DeprecationWarning, match="'attached' is 'discover' now"):
             assert look() == (here, there)
+
+
+def test_a_suite_written_with_the_old_name_is_tested_in_its_own_harness_and_warns() -> None:
+    with pytest.warns(DeprecationWarning, match="method 'subject' of Named is 'harness' now: rename it"):
+
+        class Named(DeviceTests):
+            device, name = Older, "older"
+
+            def subject(self) -> DeviceHarness:
+                return DeviceHarness(Older, "by another name")
+
+    assert Named().harness().name == "by another name"
+    newer = type("Newer", (DeviceTests,), {"device": Older, "name": "older"})()
+    with pytest.warns(DeprecationWarning, match="'subject' is 'harness' now: call that"):
+        assert newer.subject().name == "older"

@@ -21,7 +21,7 @@ from shipped import SCENES
 from slider import Slider, SliderParams
 
 from itouch.plugin import Timing, schema
-from itouch.testing import DeviceSubject, DeviceTests, EmulatorTests, call_times
+from itouch.testing import DeviceHarness, DeviceTests, EmulatorTests, call_times
 from itouch.testing.checks import CheckResult
 from itouch.testing.engine_checks import last_error
 from itouch.testing.score_card import Card
@@ -36,10 +36,10 @@ def port(folder: Path) -> SliderParams:
     return SliderParams(port=str(folder / "port"))
 
 
-def subject(cls: type[Slider], check: str, folder: Path) -> DeviceSubject:
+def harness(cls: type[Slider], check: str, folder: Path) -> DeviceHarness:
     emulated = check in WIRE
     params = port(folder) if emulated else None
-    return DeviceSubject(cls, "slider", params, hardware=not emulated, emulated=emulated)
+    return DeviceHarness(cls, "slider", params, hardware=not emulated, emulated=emulated)
 
 
 def of(name: str) -> type[Slider]:
@@ -67,7 +67,7 @@ def test_there_are_enough_bad_plugins():
 
 @pytest.mark.parametrize(("cls", "check"), BAD.items(), ids=[cls.__name__ for cls in BAD])
 def test_a_bad_plugin_is_caught_by_name(cls, check, tmp_path):
-    finding = CHECKS[check].examine(subject(cls, check, tmp_path))
+    finding = CHECKS[check].examine(harness(cls, check, tmp_path))
     assert finding.outcome == "failed", f"{check} did not see it: {finding.note}"
     assert "likely cause:" in finding.note and "what to do:" in finding.note
 
@@ -92,10 +92,10 @@ def talkative() -> Iterator[None]:
 
 @pytest.mark.parametrize("check", ["twin-timing", "driver-timing"])
 def test_who_holds_the_interpreter_is_no_wait_of_a_plugin(check: str, talkative: None) -> None:
-    finding = CHECKS[check].examine(DeviceSubject(Slider, "slider", hardware=True))
+    finding = CHECKS[check].examine(DeviceHarness(Slider, "slider", hardware=True))
     assert finding.outcome == "passed", finding.note
     waits = {"twin-timing": of("TwinWaits"), "driver-timing": Blocks}[check]
-    finding = CHECKS[check].examine(DeviceSubject(waits, "slider", hardware=True))
+    finding = CHECKS[check].examine(DeviceHarness(waits, "slider", hardware=True))
     assert finding.outcome == "failed" and " wait" in finding.note, finding.note
 
 
@@ -142,24 +142,24 @@ class SlowToOpen(Slider):
 @pytest.mark.punctual
 @pytest.mark.parametrize("check", ["lifecycle", "safe-on-exception"])
 def test_a_driver_that_is_slow_to_open_is_not_blamed_for_the_switch(check: str) -> None:
-    finding = CHECKS[check].examine(DeviceSubject(SlowToOpen, "slider", hardware=True))
+    finding = CHECKS[check].examine(DeviceHarness(SlowToOpen, "slider", hardware=True))
     assert finding.outcome == "passed", finding.note
 
 
 def test_what_an_emulator_closes_a_moment_later_is_not_left_open_by_the_driver() -> None:
-    finding = CHECKS["errors-are-named"].examine(DeviceSubject(Accepted, "slider", hardware=True))
+    finding = CHECKS["errors-are-named"].examine(DeviceHarness(Accepted, "slider", hardware=True))
     assert finding.outcome == "passed", finding.note
 
 
 def test_where_parameters_check_the_form_of_an_address_nowhere_has_that_form() -> None:
-    finding = CHECKS["errors-are-named"].examine(DeviceSubject(Checked, "slider", hardware=True))
+    finding = CHECKS["errors-are-named"].examine(DeviceHarness(Checked, "slider", hardware=True))
     assert finding.outcome == "failed" and "OSError: 127.0.0.1:1 is not there" in finding.note, finding.note
 
 
 def test_what_one_attempt_leaves_running_excuses_nothing_in_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     found = iter([0.0])  # before the first attempt; from then on nothing runs undisturbed
     monkeypatch.setattr(call_times, "_held_up", lambda: next(found, 1e6))
-    finding = CHECKS["twin-timing"].examine(DeviceSubject(of("WaitsNowAndThen"), "slider"))
+    finding = CHECKS["twin-timing"].examine(DeviceHarness(of("WaitsNowAndThen"), "slider"))
     assert finding.outcome == "failed" and "calls of the twin wait" in finding.note, finding.note
 
 
@@ -168,7 +168,7 @@ def test_what_one_attempt_leaves_running_excuses_nothing_in_the_next(monkeypatch
 )
 @pytest.mark.parametrize("check", ["meaning", "roles"])
 def test_a_plugin_that_means_what_it_says_is_not_blamed(cls, check):
-    finding = CHECKS[check].examine(DeviceSubject(cls, "slider"))
+    finding = CHECKS[check].examine(DeviceHarness(cls, "slider"))
     assert finding.outcome == "passed", finding.note
 
 
@@ -179,7 +179,7 @@ def test_a_plugin_that_looks_for_hardware_at_import_is_caught(tmp_path, monkeypa
     monkeypatch.syspath_prepend(str(tmp_path))
     import eager
 
-    finding = CHECKS["import"].examine(DeviceSubject(eager.Eager, "eager"))
+    finding = CHECKS["import"].examine(DeviceHarness(eager.Eager, "eager"))
     assert finding.outcome == "failed" and "/dev/zero" in finding.note
 
 
@@ -194,7 +194,7 @@ def test_a_changed_protocol_is_seen_in_the_golden_transcript(tmp_path):
 
     golden = tmp_path / "golden.txt"
     golden.write_text('0.000000 unit > "F 0\\n"\n')
-    same = DeviceSubject(Talking, "slider", hardware=True, transcript=golden)
+    same = DeviceHarness(Talking, "slider", hardware=True, transcript=golden)
     assert CHECKS["transcript"].examine(same).outcome == "passed"
     Talking.word = b"F 1\n"
     finding = CHECKS["transcript"].examine(same)

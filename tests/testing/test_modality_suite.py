@@ -16,7 +16,7 @@ from itouch.plugin.discovery import Catalog
 from itouch.scene import load, loads
 from itouch.testing.checks import examine
 from itouch.testing.harness import KnownCatalog
-from itouch.testing.scenario import FINGER, ModalitySubject, made
+from itouch.testing.scenario import FINGER, ModalityHarness, made
 from itouch.testing.suites import MODALITY_CHECKS
 from itouch_thermal import Heat
 
@@ -145,7 +145,7 @@ class CounterCatalog(KnownCatalog):
 
 
 @dataclass(frozen=True)
-class CounterSubject(ModalitySubject):
+class CounterHarness(ModalityHarness):
     """A counter in a scene that is made for it."""
 
     @property
@@ -155,13 +155,13 @@ class CounterSubject(ModalitySubject):
         return catalog
 
 
-def subject(cls: type[Modality]) -> CounterSubject:
-    return CounterSubject(cls, name="counter.count")
+def harness(cls: type[Modality]) -> CounterHarness:
+    return CounterHarness(cls, name="counter.count")
 
 
 @pytest.mark.parametrize(("cls", "check"), BAD.items(), ids=[cls.__name__ for cls in BAD])
 def test_a_bad_modality_is_caught_by_name(cls, check):
-    finding = CHECKS[check].examine(subject(cls))
+    finding = CHECKS[check].examine(harness(cls))
     assert finding.outcome == "failed", finding.note
     assert "likely cause:" in finding.note
 
@@ -169,7 +169,7 @@ def test_a_bad_modality_is_caught_by_name(cls, check):
 def test_a_good_modality_is_not_blamed():
     documented = type("Documented", (Counter,), {"__doc__": "Counts.", "__module__": __name__})
     blamed = [
-        f"{f.check.name}: {f.note}" for f in examine(MODALITY_CHECKS, subject(documented)) if f.outcome == "failed"
+        f"{f.check.name}: {f.note}" for f in examine(MODALITY_CHECKS, harness(documented)) if f.outcome == "failed"
     ]
     assert not blamed
 
@@ -188,7 +188,7 @@ TWICE = """<to pos="-40 0 25 mm" in="0.3 s"/><to pos="-40 0 45 mm" in="0.2 s"/>
 
 
 def test_one_that_hears_beginnings_alone_is_not_blamed_for_two_of_them():
-    one = subject(HearsBegins)
+    one = harness(HearsBegins)
     head, rest = made("counter.count", one.catalog).split("<motion>", 1)
     scene = f"{head}<motion>{TWICE}</motion>{rest.split('</motion>', 1)[1]}"
     finding = CHECKS["order"].examine(replace(one, scene=scene))
@@ -209,7 +209,7 @@ class Lift(Slider):
     Twin = LiftTwin
 
 
-class LiftSubject(CounterSubject):
+class LiftHarness(CounterHarness):
     """A counter beside an arm with one axis."""
 
     @property
@@ -221,7 +221,7 @@ class LiftSubject(CounterSubject):
 
 def test_a_touch_that_cannot_slide_is_not_called_none():
     """An arm with one axis touches and lets go, but slides over nothing."""
-    one = LiftSubject(Counter, name="counter.count")
+    one = LiftHarness(Counter, name="counter.count")
     text = made("counter.count", one.catalog).replace('plugin="suite-finger"', 'plugin="lift"')
     finding = CHECKS["order"].examine(replace(one, scene=text.replace('pos="-30 0 10 mm"', 'pos="0 0 10 mm"')))
     assert finding.outcome == "left out"
@@ -230,13 +230,13 @@ def test_a_touch_that_cannot_slide_is_not_called_none():
 
 def test_what_is_prepared_once_for_a_state_is_no_slow_update():
     """A session has one State as long as it lives: what a modality prepares for its views is done once."""
-    finding = CHECKS["timing"].examine(subject(PreparesForEachState))
+    finding = CHECKS["timing"].examine(harness(PreparesForEachState))
     assert finding.outcome == "passed", finding
 
 
 @pytest.mark.parametrize("name", ["thermal.heat", "thermal.flux-control"])
 def test_a_scene_is_made_for_the_modalities_that_are_bundled(name):
-    catalog = KnownCatalog(dict(ModalitySubject(Counter).catalog._known))
+    catalog = KnownCatalog(dict(ModalityHarness(Counter).catalog._known))
     scene = loads(made(name, catalog).encode(), catalog)
     assert any(device.plugin == FINGER for device in scene.devices)
     assert name.split(".")[1] in [part.name for part in scene.modalities]
@@ -244,7 +244,7 @@ def test_a_scene_is_made_for_the_modalities_that_are_bundled(name):
 
 def test_a_scene_without_a_touch_gets_one():
     """The operator's motion is replaced where it touches nothing, so that a touch begins, slides and ends."""
-    one = subject(Counter)
+    one = harness(Counter)
     text = made("counter.count", one.catalog).replace('pos="-40 0 25 mm"', 'pos="-40 0 60 mm"')
     still = replace(one, scene=text.replace('pos="25 0 25 mm"', 'pos="25 0 60 mm"'))
     engine = still.engine()
@@ -259,7 +259,7 @@ def test_the_catalog_of_the_suite_has_the_finger_only_there():
 
 def test_in_a_scene_of_hardware_a_modality_is_examined_on_the_twins() -> None:
     """Nothing moves or heats for it, and nobody is asked to hold a switch."""
-    subject = ModalitySubject(Heat, SCENES / "four_materials_wire.xml", name="thermal.heat")
+    harness = ModalityHarness(Heat, SCENES / "four_materials_wire.xml", name="thermal.heat")
     assert not any(device.twin for device in load(SCENES / "four_materials_wire.xml", Catalog()).devices)
-    assert subject.seconds > 0.0
-    assert all(device.twin for device in subject.engine().model.devices.values())
+    assert harness.seconds > 0.0
+    assert all(device.twin for device in harness.engine().model.devices.values())

@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from slider import Slider, SliderTwin
-from test_modality_suite import Counter, subject
+from test_modality_suite import Counter, harness
 
 from itouch.plugin import Bound, Contact, ContactEvent, Field, HeardContact, Record, Twin, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckResult
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch.testing.scenario import made
 
 # --- a modality: `which` is the way in which its compiled form differs ------------------------------------------------
@@ -98,7 +98,7 @@ class Both(Counter):
 
 
 def _examined(which: int, **more: Any) -> CheckResult:
-    return joined.modality.examine(subject(type("Wrong", (Both,), {"which": which, **more})))
+    return joined.modality.examine(harness(type("Wrong", (Both,), {"which": which, **more})))
 
 
 @pytest.mark.parametrize("which", [0, 6, 14])
@@ -152,10 +152,10 @@ def test_a_class_that_may_have_no_heirs_is_compared_from_random_states_alone() -
         def __init_subclass__(cls) -> None:
             raise TypeError("it is the last one")
 
-    finding = joined.modality.examine(subject(Last))
+    finding = joined.modality.examine(harness(Last))
     assert finding.outcome == "failed" and re.search(r"'count.count' .* in draw \d+ of seed", finding.note)
     Last.which = 0
-    finding = joined.modality.examine(subject(Last))
+    finding = joined.modality.examine(harness(Last))
     assert (finding.outcome, finding.note) == ("passed", "no subclass of it runs in Python; 800 random States")
 
 
@@ -167,7 +167,7 @@ def test_an_update_that_comes_every_tenth_tick_is_compared_with_its_own_period()
         def bound_update(self, model: Any, state: Record, period: float) -> Bound:
             return Bound(_add, state[f"{model['name']}.x"], period)
 
-    one = subject(Slow)
+    one = harness(Slow)
     text = made("counter.count", one.catalog).replace("</interaction>", '</interaction><rates count="100 Hz"/>')
     finding = joined.modality.examine(dataclasses.replace(one, scene=text))
     assert finding.outcome == "passed", finding.note
@@ -232,7 +232,7 @@ class TwoFormsTwin(SliderTwin):
 
 def _twin(which: int, **more: Any) -> CheckResult:
     twin = type("WrongTwin", (TwoFormsTwin,), {"which": which, **more})
-    return joined.twin.examine(DeviceSubject(type("Wrong", (Slider,), {"Twin": twin}), "slider"))
+    return joined.twin.examine(DeviceHarness(type("Wrong", (Slider,), {"Twin": twin}), "slider"))
 
 
 @pytest.mark.parametrize("door", ["step", "read", ""])
@@ -262,7 +262,7 @@ def test_a_twin_without_state_is_compared_too() -> None:
         def bound_read(self, state: Record, reading: Record) -> Bound:
             return Bound(_rest, reading["pose"])
 
-    finding = joined.twin.examine(DeviceSubject(type("Resting", (Slider,), {"Twin": Still}), "slider"))
+    finding = joined.twin.examine(DeviceHarness(type("Resting", (Slider,), {"Twin": Still}), "slider"))
     assert finding.outcome == "passed", finding.note
 
 

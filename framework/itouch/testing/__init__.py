@@ -10,23 +10,23 @@ from typing import Any
 
 from itouch.moved import renamed
 from itouch.testing.checks import Check, CheckError, CheckResult
-from itouch.testing.harness import DeviceSubject
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.harness import DeviceHarness
+from itouch.testing.scenario import ModalityHarness
 from itouch.testing.suites import DeviceTests, EmulatorTests, ModalityTests
 
 __all__ = [
     "Check",
     "CheckError",
     "CheckResult",
-    "DeviceSubject",
+    "DeviceHarness",
     "DeviceTests",
     "EmulatorTests",
-    "ModalitySubject",
+    "ModalityHarness",
     "ModalityTests",
 ]
 
 #: Old name -> new name, kept for one version.
-_RENAMED = {"Finding": "CheckResult"}
+_RENAMED = {"DeviceSubject": "DeviceHarness", "Finding": "CheckResult", "ModalitySubject": "ModalityHarness"}
 
 
 def __getattr__(name: str) -> Any:

@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 
 from itouch.platforms import waits
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import PERIOD, DeviceSubject
+from itouch.testing.harness import PERIOD, DeviceHarness
 from itouch.testing.open_device import Opened
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 from itouch.testing.workload import opened
 
 #: Share of the tick [s] that one plugin's calls may take.
@@ -118,14 +118,14 @@ def _in_one_of(tries: int, measure: Callable[[], str]) -> str:
 
 
 @check("twin-timing", "a step fits in the tick, and never waits")
-def twin_timing(subject: DeviceSubject) -> str:
+def twin_timing(harness: DeviceHarness) -> str:
     """Time step and read; the figure is reported, and a twin that waits or is too slow fails."""
     held_up = _held_up()  # before the first attempt: what a plugin leaves running is no excuse in the next
-    return _in_one_of(_BOUTS, lambda: _time_twin(subject, held_up))
+    return _in_one_of(_BOUTS, lambda: _time_twin(harness, held_up))
 
 
-def _time_twin(subject: DeviceSubject, held_up: float) -> str:
-    bench = subject.bench()
+def _time_twin(harness: DeviceHarness, held_up: float) -> str:
+    bench = harness.bench()
     bench.step(300)
     timed = Timed()
     for _ in range(1000):
@@ -138,19 +138,19 @@ def _time_twin(subject: DeviceSubject, held_up: float) -> str:
 
 
 @check("timing", "an update fits in the tick, and never waits")
-def modality_timing(subject: ModalitySubject) -> str:
+def modality_timing(harness: ModalityHarness) -> str:
     """Time updates through a touch; the figure is reported."""
     held_up = _held_up()
-    return _in_one_of(_BOUTS, lambda: _time_updates(subject, held_up))
+    return _in_one_of(_BOUTS, lambda: _time_updates(harness, held_up))
 
 
-def _time_updates(subject: ModalitySubject, held_up: float) -> str:
-    engine = subject.engine()
-    own = subject.own(engine)[0]
+def _time_updates(harness: ModalityHarness, held_up: float) -> str:
+    engine = harness.engine()
+    own = harness.own(engine)[0]
     period, timed = engine.model.period * own.every, Timed()
     engine.run(0.05)
     scratch = engine.state.copy()  # one for all calls, as in a session: a plugin prepares what works on its views once
-    for tick in range(round(subject.seconds / engine.model.period)):
+    for tick in range(round(harness.seconds / engine.model.period)):
         engine.tick()
         if tick % own.every == 0 and len(timed.spent) < 1500:
             scratch.raw[:] = engine.state.raw
@@ -162,19 +162,19 @@ def _time_updates(subject: ModalitySubject, held_up: float) -> str:
 
 
 @check("driver-timing", "a call fits in the tick, or says it blocks")
-def driver_timing(subject: DeviceSubject) -> str:
+def driver_timing(harness: DeviceHarness) -> str:
     """Time exchanges; the figure is reported."""
     timed, held_up = Timed(), _held_up()
-    with opened(subject) as device:
+    with opened(harness) as device:
         device.fresh()
         for _ in range(200):
             timed.call(device.exchange)
             if sum(timed.spent) > 2.0:
                 break
     median, worst = statistics.median(timed.spent), max(timed.spent)
-    most = 0.1 * len(timed.spent) if subject.emulated else 0.0
+    most = 0.1 * len(timed.spent) if harness.emulated else 0.0
     often = len(timed.waits) > max(most, timed.mishaps(held_up))
-    if not subject.cls.blocking and (statistics.median(timed.computed) > _SHARE or often):
+    if not harness.cls.blocking and (statistics.median(timed.computed) > _SHARE or often):
         raise _fail(
             f"an exchange takes {1e3 * median:.1f} ms, {1e3 * worst:.1f} ms at most",
             "it waits for the wire within the tick",
@@ -186,21 +186,21 @@ def driver_timing(subject: DeviceSubject) -> str:
 
 
 @check("lets-others-run", "other threads run while it waits")
-def lets_others_run(subject: DeviceSubject) -> str:
+def lets_others_run(harness: DeviceHarness) -> str:
     """Exchange in a thread, and watch how long this thread is held up."""
-    if not subject.cls.blocking:
+    if not harness.cls.blocking:
         raise NotApplicableError("it does not block")
-    return _in_one_of(_BOUTS, lambda: _beside(subject))
+    return _in_one_of(_BOUTS, lambda: _beside(harness))
 
 
-def _beside(subject: DeviceSubject) -> str:
+def _beside(harness: DeviceHarness) -> str:
     """Return how often everything else stands still while a thread exchanges; fail if it computes or keeps the GIL.
 
     How long an exchange may compute depends on the present speed of the processor: if it is slow, or other programs use
     it too, the same work takes longer.
     """
     alone = _gaps(lambda: False)
-    with opened(subject) as device:
+    with opened(harness) as device:
         device.fresh(5.0)
         exchanges = _Exchanges(device)
         exchanges.start()

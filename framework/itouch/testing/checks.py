@@ -48,20 +48,20 @@ class _Hang(BaseException):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A named property; ``run`` raises CheckError if the subject lacks it."""
+    """A named property; ``run`` raises CheckError if the plugin lacks it."""
 
     name: str
     title: str
     run: Callable[[Any], str | None]
 
-    def examine(self, subject: Any) -> CheckResult:
+    def examine(self, harness: Any) -> CheckResult:
         """Run the check; an exception from the plugin is a failure, with the place where it was raised."""
         begin = time.perf_counter()
         outcome: Literal["passed", "failed", "left out"]
         with _limited() as interrupted:
             before = ProcessState()
             try:
-                note, outcome = self.run(subject) or "", "passed"
+                note, outcome = self.run(harness) or "", "passed"
             except NotApplicableError as reason:
                 note, outcome = str(reason), "left out"
             except CheckError as error:
@@ -69,18 +69,18 @@ class Check:
             except BaseException as error:  # whatever the plugin's code raises
                 if interrupted:
                     raise
-                note, outcome = self._told(subject, error)
+                note, outcome = self._told(harness, error)
             finally:
                 before.put_back()
         return CheckResult(self, outcome, note, time.perf_counter() - begin)
 
-    def _told(self, subject: Any, error: BaseException) -> tuple[str, Literal["passed", "failed", "left out"]]:
-        """Return note and outcome for an error; if the subject takes it for bad luck, run the check again."""
+    def _told(self, harness: Any, error: BaseException) -> tuple[str, Literal["passed", "failed", "left out"]]:
+        """Return note and outcome for an error; if the harness says that it may be bad luck, run the check again."""
         for _ in range(2):
-            if not getattr(subject, "unlucky", lambda error: False)(error):
+            if not getattr(harness, "unlucky", lambda error: False)(error):
                 break
             try:
-                return self.run(subject) or "", "passed"
+                return self.run(harness) or "", "passed"
             except Exception as again:
                 error = again
         return str(error if isinstance(error, CheckError) else escaped(error)), "failed"
@@ -101,11 +101,11 @@ def check(name: str, title: str) -> Callable[[Callable[[Any], str | None]], Chec
     return lambda function: Check(name, title, function)
 
 
-def examine(checks: Iterable[Check], subject: Any) -> Iterator[CheckResult]:
+def examine(checks: Iterable[Check], harness: Any) -> Iterator[CheckResult]:
     """Run checks one after the other; leave out all others once one of the `VITAL` checks has failed."""
     lacking = ""
     for one in checks:
-        finding = unexamined(one, lacking) if lacking else one.examine(subject)
+        finding = unexamined(one, lacking) if lacking else one.examine(harness)
         lacking = one.name if one.name in VITAL and finding.outcome == "failed" else lacking
         yield finding
 

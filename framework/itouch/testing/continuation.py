@@ -13,7 +13,7 @@ import numpy as np
 
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.child_process import Ending, apart
-from itouch.testing.harness import DeviceSubject, TwinBench
+from itouch.testing.harness import DeviceHarness, TwinBench
 from itouch.testing.reproducibility import other_seed, said, script
 
 #: Ticks before and after a restore.
@@ -26,16 +26,16 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("state-declared", "everything that changes is in State")
-def state_declared(subject: DeviceSubject) -> None:
+def state_declared(harness: DeviceHarness) -> None:
     """Continue from a copy of State: beside the first twin, in a process that knows nothing of it, with new objects."""
-    _beside(subject)
-    _in_another_process(subject)
-    _with_new_objects(subject)
+    _beside(harness)
+    _in_another_process(harness)
+    _with_new_objects(harness)
 
 
-def _beside(subject: DeviceSubject) -> None:
+def _beside(harness: DeviceHarness) -> None:
     """Continue with another twin beside the first one, in step."""
-    bench, other = subject.bench(seed=3), subject.bench(seed=99)
+    bench, other = harness.bench(seed=3), harness.bench(seed=99)
     bench.step(_BEFORE)
     other.state.raw[:], other.reading.raw[:] = bench.state.raw, bench.reading.raw
     other.start, other.tick = bench.start, bench.tick
@@ -64,12 +64,12 @@ def _compare(bench: TwinBench, other: TwinBench, what: str) -> None:
     )
 
 
-def _in_another_process(subject: DeviceSubject) -> None:
+def _in_another_process(harness: DeviceHarness) -> None:
     """Continue in one child process, and from its State in another one that knows nothing of the first."""
-    straight = _child(lambda: _straight(subject))
+    straight = _child(lambda: _straight(harness))
     told = json.loads(straight.value)
     held = [bytes.fromhex(told[name]) for name in ("state", "reading")]
-    restored = json.loads(_child(lambda: _restored(subject, *held)).value)
+    restored = json.loads(_child(lambda: _restored(harness, *held)).value)
     for tick, (ours, theirs) in enumerate(zip(told["after"], restored["after"], strict=True)):
         if ours != theirs:
             raise _fail(
@@ -86,18 +86,18 @@ def _child(work: Callable[[], bytes]) -> Ending:
     return ending
 
 
-def _straight(subject: DeviceSubject) -> bytes:
+def _straight(harness: DeviceHarness) -> bytes:
     scatter(1)
-    bench = subject.bench(seed=3)
+    bench = harness.bench(seed=3)
     bench.step(_BEFORE)
     told = {"state": bench.state.tobytes().hex(), "reading": bench.reading.tobytes().hex()}
     return json.dumps({**told, "after": _prints(bench)}).encode()
 
 
-def _restored(subject: DeviceSubject, state: bytes, reading: bytes) -> bytes:
-    start = subject.bench(seed=3).start
+def _restored(harness: DeviceHarness, state: bytes, reading: bytes) -> bytes:
+    start = harness.bench(seed=3).start
     scatter(2)
-    bench = subject.bench(seed=99)
+    bench = harness.bench(seed=99)
     bench.state.raw[:], bench.reading.raw[:] = np.frombuffer(state, np.uint8), np.frombuffer(reading, np.uint8)
     bench.start, bench.tick = start, _BEFORE
     return json.dumps({"after": _prints(bench)}).encode()
@@ -126,13 +126,13 @@ def fingerprint(bench: TwinBench) -> str:
     return hashlib.sha256(bench.state.tobytes() + bench.reading.tobytes()).hexdigest()[:16]
 
 
-def _with_new_objects(subject: DeviceSubject) -> None:
+def _with_new_objects(harness: DeviceHarness) -> None:
     """Continue with a new twin object in every tick, for as many ticks as fit into two seconds."""
-    bench, lone = subject.bench(seed=3), subject.bench(seed=3)
+    bench, lone = harness.bench(seed=3), harness.bench(seed=3)
     begin = time.perf_counter()
     for tick in range(200):
         bench.step()
-        fresh = subject.bench(seed=50)
+        fresh = harness.bench(seed=50)
         fresh.state.raw[:], fresh.reading.raw[:] = lone.state.raw, lone.reading.raw
         fresh.start, fresh.tick = lone.start, lone.tick
         fresh.be_safe()
@@ -161,11 +161,11 @@ def _slots(cls: type) -> tuple[str, ...]:
 
 
 @check("determinism", "equal seeds give equal bytes")
-def determinism(subject: DeviceSubject) -> str:
+def determinism(harness: DeviceHarness) -> str:
     """Run one twin alone, then two side by side, then one in another interpreter."""
-    alone = subject.bench(seed=5)
+    alone = harness.bench(seed=5)
     alone.step(400)
-    one, two = subject.bench(seed=5), subject.bench(seed=6)
+    one, two = harness.bench(seed=5), harness.bench(seed=6)
     for _ in range(400):
         one.step()
         two.step(2)
@@ -176,7 +176,7 @@ def determinism(subject: DeviceSubject) -> str:
             "keep everything in State, and draw from the rng that reset() gets",
         )
     try:
-        theirs = said(script(subject, f"{__name__}:run_alone"), seed=other_seed())
+        theirs = said(script(harness, f"{__name__}:run_alone"), seed=other_seed())
     except NotApplicableError:
         return "within this process"
     if theirs != fingerprint(alone):
@@ -188,8 +188,8 @@ def determinism(subject: DeviceSubject) -> str:
     return "in two processes"
 
 
-def run_alone(subject: DeviceSubject) -> str:
+def run_alone(harness: DeviceHarness) -> str:
     """Return the fingerprint of the run with which `determinism` compares."""
-    bench = subject.bench(seed=5)
+    bench = harness.bench(seed=5)
     bench.step(400)
     return fingerprint(bench)

@@ -12,8 +12,8 @@ from itouch.plugin import Channel, Emulator, Twin
 from itouch.plugin.record import dtype_of
 from itouch.testing.checks import CheckError, check
 from itouch.testing.child_process import described
-from itouch.testing.harness import DeviceSubject
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.harness import DeviceHarness
+from itouch.testing.scenario import ModalityHarness
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
@@ -21,9 +21,9 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("contract", "it has all that a plugin needs")
-def contract(subject: DeviceSubject | ModalitySubject) -> None:
+def contract(harness: DeviceHarness | ModalityHarness) -> None:
     """Check parameters, methods, channels and the State fields of the twin."""
-    cls: Any = subject.cls
+    cls: Any = harness.cls
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing:
         raise _fail(
@@ -38,14 +38,14 @@ def contract(subject: DeviceSubject | ModalitySubject) -> None:
             "@dataclass(frozen=True) is missing, or Params",
             "write @dataclass(frozen=True) class Params, with schema fields, and name it in the class",
         )
-    if isinstance(subject, DeviceSubject):
-        _channels(subject)
-        _twin(subject)
+    if isinstance(harness, DeviceHarness):
+        _channels(harness)
+        _twin(harness)
 
 
-def _channels(subject: DeviceSubject) -> None:
-    cls = subject.cls
-    params = subject.require_params()
+def _channels(harness: DeviceHarness) -> None:
+    cls = harness.cls
+    params = harness.require_params()
     try:
         reads, commands = cls.channels(params)
     except Exception as error:  # whatever the plugin's code raises
@@ -63,8 +63,8 @@ def _channels(subject: DeviceSubject) -> None:
         raise _fail("the device neither reads nor obeys anything", "`reads` was forgotten", "declare its channels")
 
 
-def _twin(subject: DeviceSubject) -> None:
-    for name, kind, base in (("Twin", subject.cls.Twin, Twin), ("Emulator", subject.cls.Emulator, Emulator)):
+def _twin(harness: DeviceHarness) -> None:
+    for name, kind, base in (("Twin", harness.cls.Twin, Twin), ("Emulator", harness.cls.Emulator, Emulator)):
         if kind is None:
             continue
         if not (inspect.isclass(kind) and issubclass(kind, base)):
@@ -72,10 +72,10 @@ def _twin(subject: DeviceSubject) -> None:
         missing = sorted(getattr(kind, "__abstractmethods__", ()))
         if missing:
             raise _fail(f"{kind.__name__} lacks {', '.join(missing)}", "not written yet, or misspelt", "write it")
-    if subject.cls.Twin is None:
+    if harness.cls.Twin is None:
         return
     try:
-        dtype = dtype_of(subject.cls.Twin(subject.require_params()).fields())
+        dtype = dtype_of(harness.cls.Twin(harness.require_params()).fields())
     except Exception as error:  # whatever the plugin's code raises
         raise _fail(
             f"the twin's fields() raised {described(error)}", "a mistake in fields()", "return a tuple of Field"

@@ -17,7 +17,7 @@ from itouch.schema.fields import PLUGIN_NAMESPACE, Spec, specs, validate, xml_na
 from itouch.schema.quantities import format_quantity
 from itouch.schema.units import parse_unit
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch.world.limits import WATCHDOG, WATCHDOG_OTHER
 from itouch.world.safe_values import acting_at_rest, too_slow
 
@@ -27,9 +27,9 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("declarations", "declared as the contract says")
-def declarations(subject: DeviceSubject) -> None:
+def declarations(harness: DeviceHarness) -> None:
     """Check ``Params``, ``reads`` and ``commands``."""
-    cls = subject.cls
+    cls = harness.cls
     if not (dataclasses.is_dataclass(getattr(cls, "Params", None)) and cls.Params.__dataclass_params__.frozen):  # type: ignore[attr-defined]
         raise _fail(
             "Params is not a frozen dataclass",
@@ -43,7 +43,7 @@ def declarations(subject: DeviceSubject) -> None:
             "plain defaults instead of schema fields",
             "make them with itouch.plugin.schema: quantity, text, flag, choice, ...",
         )
-    reads, commands = cls.channels(subject.require_params())
+    reads, commands = cls.channels(harness.require_params())
     for channels in (reads, commands):
         names = [channel.name for channel in channels]
         if len(set(names)) != len(names):
@@ -104,9 +104,9 @@ def _command(channel: Channel) -> None:
 
 
 @check("documentation", "class, parameters, module say what they are")
-def documentation(subject: DeviceSubject) -> None:
+def documentation(harness: DeviceHarness) -> None:
     """Check that there are docstrings, and a ``doc=`` for every parameter."""
-    cls = subject.cls
+    cls = harness.cls
     own = cls.__dict__.get("__doc__")
     if not own or own == Device.__doc__:
         raise _fail("the device class has no docstring", "not written yet", "say in a line what the device is")
@@ -124,10 +124,10 @@ def documentation(subject: DeviceSubject) -> None:
 
 
 @check("parameters", "units, ranges and misspellings are checked")
-def parameters(subject: DeviceSubject) -> str | None:
+def parameters(harness: DeviceHarness) -> str | None:
     """Load scenes in which each parameter is right, misspelt, out of range, or has a wrong unit."""
-    params = subject.require_params()
-    catalog, scene = subject.catalog, subject.scene()
+    params = harness.require_params()
+    catalog, scene = harness.catalog, harness.scene()
     try:
         again = loads(write(scene).encode(), catalog)
     except SceneError as error:
@@ -151,28 +151,28 @@ def parameters(subject: DeviceSubject) -> str | None:
             "a default that is outside of its own range",
             "check low= and high= of Params",
         ) from error
-    for name, spec in specs(subject.cls.Params).items():
-        _misspelt(subject, name)
+    for name, spec in specs(harness.cls.Params).items():
+        _misspelt(harness, name)
         count += 1
         if spec.kind == "quantity" and spec.scalar:
-            _ranged(subject, name, spec)
+            _ranged(harness, name, spec)
     if not count:
         raise NotApplicableError("it has no parameters")
     return f"{count} parameters"
 
 
-def _document(subject: DeviceSubject, attributes: dict[str, str]) -> bytes:
+def _document(harness: DeviceHarness, attributes: dict[str, str]) -> bytes:
     from xml.sax.saxutils import quoteattr
 
     given = dict(attributes)
-    for name in specs(subject.cls.Params):
+    for name in specs(harness.cls.Params):
         label = xml_name(name)
-        if label in subject.needed and label not in given:
-            given[label] = _written(subject.params, name)
+        if label in harness.needed and label not in given:
+            given[label] = _written(harness.params, name)
     text = " ".join(f"{key}={quoteattr(value)}" for key, value in given.items())
     return (
-        f'<itouch version="1.0" xmlns:p="{PLUGIN_NAMESPACE}{subject.name}"><devices>'
-        f'<device name="unit" plugin="{subject.name}"><p:hardware {text}/></device></devices></itouch>'
+        f'<itouch version="1.0" xmlns:p="{PLUGIN_NAMESPACE}{harness.name}"><devices>'
+        f'<device name="unit" plugin="{harness.name}"><p:hardware {text}/></device></devices></itouch>'
     ).encode()
 
 
@@ -181,19 +181,19 @@ def _written(params: Any, name: str) -> str:
     return format_quantity(value, spec.unit) if spec.kind == "quantity" else str(value)
 
 
-def _problems(subject: DeviceSubject, attributes: dict[str, str]) -> str:
+def _problems(harness: DeviceHarness, attributes: dict[str, str]) -> str:
     try:
-        loads(_document(subject, attributes), subject.catalog)
+        loads(_document(harness, attributes), harness.catalog)
     except SceneError as error:
         return str(error)
     return ""
 
 
-def _misspelt(subject: DeviceSubject, name: str) -> None:
+def _misspelt(harness: DeviceHarness, name: str) -> None:
     wrong = xml_name(name) + "x"
-    if wrong in {xml_name(other) for other in specs(subject.cls.Params)}:
+    if wrong in {xml_name(other) for other in specs(harness.cls.Params)}:
         return
-    if wrong not in _problems(subject, {wrong: "1"}):
+    if wrong not in _problems(harness, {wrong: "1"}):
         raise _fail(
             f"the misspelt parameter '{wrong}' is not reported",
             "Params takes anything",
@@ -201,26 +201,26 @@ def _misspelt(subject: DeviceSubject, name: str) -> None:
         )
 
 
-def _ranged(subject: DeviceSubject, name: str, spec: Spec) -> None:
+def _ranged(harness: DeviceHarness, name: str, spec: Spec) -> None:
     label, unit = xml_name(name), spec.unit
     for end, beyond in ((spec.low, -1.0), (spec.high, 1.0)):
         if math.isfinite(end):
             value = end + beyond * max(1.0, abs(end))
-            if not _problems(subject, {label: f"{value!r} {unit}".strip()}):
+            if not _problems(harness, {label: f"{value!r} {unit}".strip()}):
                 raise _fail(
                     f"{label} = {value:g} {unit} is accepted",
                     "the range is not checked",
                     "give low= and high= to schema.quantity",
                 )
-    if unit and not _problems(subject, {label: "1 kg*A" if unit != "kg*A" else "1 m"}):
+    if unit and not _problems(harness, {label: "1 kg*A" if unit != "kg*A" else "1 m"}):
         raise _fail(f"{label} takes a unit of another kind", "the unit is not checked", "use schema.quantity(unit)")
 
 
 @check("units", "channels are in SI units, times in seconds")
-def units(subject: DeviceSubject) -> None:
+def units(harness: DeviceHarness) -> None:
     """Check the unit of every channel, and the times that the class declares."""
-    cls = subject.cls
-    reads, commands = cls.channels(subject.require_params())
+    cls = harness.cls
+    reads, commands = cls.channels(harness.require_params())
     for channel in (*reads, *commands):
         try:
             unit = parse_unit(channel.unit) if channel.unit and channel.unit not in PLAIN else None
@@ -250,27 +250,27 @@ def units(subject: DeviceSubject) -> None:
 
 
 @check("limits-of-params", "a limit among the parameters is kept")
-def limits_of_params(subject: DeviceSubject) -> str:
+def limits_of_params(harness: DeviceHarness) -> str:
     """Lower each parameter that is named like a limit, and check that the channels with its unit follow."""
-    params, seen = subject.require_params(), []
-    for name, spec in specs(subject.cls.Params).items():
+    params, seen = harness.require_params(), []
+    for name, spec in specs(harness.cls.Params).items():
         called = name.split("_")
         if spec.kind != "quantity" or not spec.scalar or not {"max", "limit", "maximum", "ceiling"} & set(called):
             continue
         given = getattr(params, name)
         low = spec.low if math.isfinite(spec.low) and spec.low > 0.0 else 0.5 * given if given else 0.0
-        for channel in subject.cls.channels(params)[1]:
+        for channel in harness.cls.channels(params)[1]:
             if channel.unit == spec.unit and channel.high and low:
                 lowered = dataclasses.replace(params, **{name: low})
-                _follows(subject, channel, lowered, xml_name(name), low)
+                _follows(harness, channel, lowered, xml_name(name), low)
                 seen.append(name)
     if not seen:
         raise NotApplicableError("no parameter is called a limit of a command")
     return ", ".join(sorted(set(seen)))
 
 
-def _follows(subject: DeviceSubject, channel: Channel, lowered: Any, label: str, value: float) -> None:
-    after = next((c for c in subject.cls.channels(lowered)[1] if c.name == channel.name), None)
+def _follows(harness: DeviceHarness, channel: Channel, lowered: Any, label: str, value: float) -> None:
+    after = next((c for c in harness.cls.channels(lowered)[1] if c.name == channel.name), None)
     free = [i for i in range(min(channel.size, 3)) if i not in channel.locked]
     if after is not None and free and max(after.high[i] for i in free) > value and after.high == channel.high:
         raise _fail(
@@ -281,9 +281,9 @@ def _follows(subject: DeviceSubject, channel: Channel, lowered: Any, label: str,
 
 
 @check("locked-axes", "readings and commands lock the same axes")
-def locked_axes(subject: DeviceSubject) -> None:
+def locked_axes(harness: DeviceHarness) -> None:
     """Compare the locked axes of pose, wrench and pose target."""
-    reads, commands = subject.cls.channels(subject.require_params())
+    reads, commands = harness.cls.channels(harness.require_params())
     poses = [c for c in reads if c.role is Role.TRACKED_POSE]
     for channel in (*reads, *commands):
         if any(axis not in range(6) for axis in channel.locked):

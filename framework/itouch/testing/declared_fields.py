@@ -9,20 +9,20 @@ import numpy as np
 from itouch.plugin import Carries, Record, Touches
 from itouch.safety import DeviceFaultError
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 
 #: How much deeper than its radius a finger may be in the plane of what it is said to touch [m]: rounding.
 _ROUNDING = 1e-9
 
 
 @check("carries", "what it says of its surface can be so")
-def carries(subject: ModalitySubject) -> str:
+def carries(harness: ModalityHarness) -> str:
     """Run the scene, and check in every tick the fields that describe its surface."""
-    engine = subject.engine()
-    owned = [(one.name, one.carries) for one in subject.own(engine) if one.carries is not None]
+    engine = harness.engine()
+    owned = [(one.name, one.carries) for one in harness.own(engine) if one.carries is not None]
     if not owned:
         raise NotApplicableError("it carries no surface")
-    for _ in range(round(subject.seconds / engine.model.period)):
+    for _ in range(round(harness.seconds / engine.model.period)):
         engine.tick()
         for name, said in owned:
             wrong = _wrong(name, said, engine.state)
@@ -31,7 +31,7 @@ def carries(subject: ModalitySubject) -> str:
                 seen = f"the field {name}.{field} is {value:g} after {engine.seconds:.3f} s"
                 raise CheckError(seen, cause="not what the contract says of it", advice=advice)
     told = ", ".join(name for _, said in owned for name in said.said)
-    return f"{subject.seconds:.2g} s of {told}"
+    return f"{harness.seconds:.2g} s of {told}"
 
 
 def _wrong(name: str, said: Carries, state: Record) -> tuple[str, float, str] | None:
@@ -51,14 +51,14 @@ def _wrong(name: str, said: Carries, state: Record) -> tuple[str, float, str] | 
 
 
 @check("touches", "what it says of a contact can be so")
-def touches(subject: ModalitySubject) -> str:
+def touches(harness: ModalityHarness) -> str:
     """Run the scene, and check in every tick the fields that describe the contact."""
-    engine = subject.engine()
-    owned = [(one.name, one.touches) for one in subject.own(engine) if one.touches is not None]
+    engine = harness.engine()
+    owned = [(one.name, one.touches) for one in harness.own(engine) if one.touches is not None]
     if not owned:
         raise NotApplicableError("it computes no contact")
     touched = 0
-    for _ in range(round(subject.seconds / engine.model.period)):
+    for _ in range(round(harness.seconds / engine.model.period)):
         try:
             engine.tick()
         except DeviceFaultError as fault:  # what can't be is a fault at once
@@ -69,7 +69,7 @@ def touches(subject: ModalitySubject) -> str:
                 touched += 1
                 _check(name, said, engine.state, engine.seconds)
     told = ", ".join(f"{own}.{name}" for own, said in owned for name in said.said)
-    return f"{subject.seconds:.2g} s of {told}, {touched} ticks in contact"
+    return f"{harness.seconds:.2g} s of {told}, {touched} ticks in contact"
 
 
 def _check(name: str, said: Touches, state: Record, seconds: float) -> None:

@@ -15,7 +15,7 @@ from itouch.loop.device_runner import DeviceFaultError
 from itouch.plugin import Device, DeviceError, Field, Record, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.child_process import described
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch.testing.open_device import Opened, elsewhere
 from itouch.testing.process_state import children, native_threads, open_files
 from itouch.testing.workload import opened
@@ -30,9 +30,9 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("driver-fills", "the driver fills its whole reading, always")
-def fills(subject: DeviceSubject) -> None:
+def fills(harness: DeviceHarness) -> None:
     """Read into a record full of NaN, several times."""
-    with opened(subject) as device:
+    with opened(harness) as device:
         device.fresh()
         pose = next((c.name for c in device.reads if c.role is Role.TRACKED_POSE), "")
         for _ in range(30):
@@ -59,14 +59,14 @@ def _filled(reading: Record, pose: str) -> None:
 
 
 @check("writes-in-read", "reading sends no command of its own")
-def writes_in_read(subject: DeviceSubject) -> None:
+def writes_in_read(harness: DeviceHarness) -> None:
     """Count the calls of ``write`` that the device makes by itself while it is read."""
     calls: list[str] = []
 
     def write(command: Record) -> None:
         calls.append("write")
 
-    with opened(subject) as device:
+    with opened(harness) as device:
         device.exchange()
         kept = device.device.write
         try:
@@ -87,14 +87,14 @@ def writes_in_read(subject: DeviceSubject) -> None:
 
 
 @check("reopens", "open and close pair, and leave nothing")
-def reopens(subject: DeviceSubject) -> None:
+def reopens(harness: DeviceHarness) -> None:
     """Open and close; count threads, files and processes; open the same object again."""
-    subject.require_hardware()
-    cycles = 1 if subject.shared is not None else 4
-    if subject.shared is None:
-        _cycle(subject)
+    harness.require_hardware()
+    cycles = 1 if harness.shared is not None else 4
+    if harness.shared is None:
+        _cycle(harness)
     first = _left()
-    threads = [_cycle(subject) for _ in range(cycles)]
+    threads = [_cycle(harness) for _ in range(cycles)]
     _compare_left(first, _left(), cycles)
     if cycles > 1 and all(threads):
         raise _fail(
@@ -102,18 +102,18 @@ def reopens(subject: DeviceSubject) -> None:
             "a library's threads, or _thread.start_new_thread",
             "end in close() what open() began",
         )
-    if not subject.emulated:
-        _same_again(subject)
+    if not harness.emulated:
+        _same_again(harness)
 
 
-def _cycle(subject: DeviceSubject) -> set[int]:
+def _cycle(harness: DeviceHarness) -> set[int]:
     """Open and close once; return the threads unknown to Python that are left.
 
     They are identified by number after each close: a count over several cycles would be wrong as soon as a thread of an
     earlier cycle ends in between, which depends on how busy the machine is.
     """
     before, native = threading.enumerate(), native_threads()
-    device = Opened(subject)
+    device = Opened(harness)
     try:
         device.fresh(5.0)
     finally:
@@ -174,8 +174,8 @@ def _compare_left(first: Any, last: Any, cycles: int) -> None:
         )
 
 
-def _same_again(subject: DeviceSubject) -> None:
-    device: Device = subject.cls(subject.require_params())
+def _same_again(harness: DeviceHarness) -> None:
+    device: Device = harness.cls(harness.require_params())
     for turn in ("first", "second"):
         try:
             device.open()
@@ -188,11 +188,11 @@ def _same_again(subject: DeviceSubject) -> None:
         device.close()
 
 
-def _counting(subject: DeviceSubject, fail_at: int = 0) -> tuple[DeviceSubject, list[str]]:
-    """Return the subject with a class that lists its calls; from read number ``fail_at`` on, if given, reads fail."""
+def _counting(harness: DeviceHarness, fail_at: int = 0) -> tuple[DeviceHarness, list[str]]:
+    """Return the harness with a class that lists its calls; from read number ``fail_at`` on, if given, reads fail."""
     calls: list[str] = []
 
-    class Counting(subject.cls):  # type: ignore[name-defined]
+    class Counting(harness.cls):  # type: ignore[name-defined]
         def open(self) -> None:
             super().open()
             calls.append("open")
@@ -211,18 +211,18 @@ def _counting(subject: DeviceSubject, fail_at: int = 0) -> tuple[DeviceSubject, 
             calls.append("write")
             super().write(command)
 
-    return DeviceSubject(Counting, subject.name, subject.params, hardware=subject.hardware), calls
+    return DeviceHarness(Counting, harness.name, harness.params, hardware=harness.hardware), calls
 
 
-def _require_in_step(subject: DeviceSubject) -> None:
+def _require_in_step(harness: DeviceHarness) -> None:
     """Leave the check out on an emulator, as the engine's time is simulated here and the emulator's is not."""
-    if not subject.hardware:
+    if not harness.hardware:
         raise NotApplicableError("needs the device or a loop-back: `hardware = True`, or --hardware")
 
 
-def _engine(subject: DeviceSubject) -> Engine:
-    model = Model.of(subject.scene(twin=False), subject.catalog)
-    return Engine(model, clock=WallClock() if subject.cls.blocking else None)  # its thread lives in real time
+def _engine(harness: DeviceHarness) -> Engine:
+    model = Model.of(harness.scene(twin=False), harness.catalog)
+    return Engine(model, clock=WallClock() if harness.cls.blocking else None)  # its thread lives in real time
 
 
 def _held_run(engine: Engine, seconds: float) -> None:
@@ -246,15 +246,15 @@ def _paired(calls: list[str]) -> None:
 
 
 @check("lifecycle", "open, read, write, close in order, once")
-def lifecycle(subject: DeviceSubject) -> None:
+def lifecycle(harness: DeviceHarness) -> None:
     """Run it in an engine."""
-    _require_in_step(subject)
-    counted, calls = _counting(subject)
+    _require_in_step(harness)
+    counted, calls = _counting(harness)
     engine = _engine(counted)
     try:
         _held_run(engine, 0.05)
     except DeviceFaultError as error:
-        if not subject.cls.blocking or "silent" not in str(error):  # on a busy machine it may be late
+        if not harness.cls.blocking or "silent" not in str(error):  # on a busy machine it may be late
             raise
     finally:
         engine.close()
@@ -263,13 +263,13 @@ def lifecycle(subject: DeviceSubject) -> None:
 
 
 @check("safe-on-exception", "a failing driver is closed once, and named")
-def safe_on_exception(subject: DeviceSubject) -> None:
+def safe_on_exception(harness: DeviceHarness) -> None:
     """Let the tenth read fail."""
-    _require_in_step(subject)
+    _require_in_step(harness)
     for _ in range(3):
-        counted, calls = _counting(subject, fail_at=10)
+        counted, calls = _counting(harness, fail_at=10)
         caught = _fault(counted)
-        if not subject.cls.blocking or "silent" not in caught:  # on a busy machine it may be late
+        if not harness.cls.blocking or "silent" not in caught:  # on a busy machine it may be late
             break
     if "told to fail" not in caught:
         raise _fail(
@@ -280,11 +280,11 @@ def safe_on_exception(subject: DeviceSubject) -> None:
     _paired(calls)
 
 
-def _fault(subject: DeviceSubject) -> str:
+def _fault(harness: DeviceHarness) -> str:
     """Run until a device fails; return the message."""
-    engine = _engine(subject)
+    engine = _engine(harness)
     try:
-        _held_run(engine, max(0.5, 12.0 * subject.cls.period))
+        _held_run(engine, max(0.5, 12.0 * harness.cls.period))
     except (DeviceError, DeviceFaultError) as error:
         return str(error)
     finally:
@@ -293,12 +293,12 @@ def _fault(subject: DeviceSubject) -> str:
 
 
 @check("errors-are-named", "a missing device is a DeviceError")
-def errors_are_named(subject: DeviceSubject) -> None:
+def errors_are_named(harness: DeviceHarness) -> None:
     """Open the driver where there is no device, if a parameter can say so."""
-    params = elsewhere(subject.require_params())
+    params = elsewhere(harness.require_params())
     if params is None:
         raise NotApplicableError("no parameter names a port, a path or a host")
-    device: Device = subject.cls(params)
+    device: Device = harness.cls(params)
     before = open_files()
     try:
         device.open()
@@ -339,19 +339,19 @@ def _nothing_kept(before: dict[str, str]) -> None:
 
 
 @check("transcript", "the wire carries the golden transcript")
-def transcript(subject: DeviceSubject) -> str:
+def transcript(harness: DeviceHarness) -> str:
     """Record a trace of opening and ten exchanges, and compare the bytes that were sent."""
-    if subject.transcript is None:
+    if harness.transcript is None:
         raise NotApplicableError("no golden transcript was given: set `transcript` in the suite")
     import io
 
     from itouch.plugin import Trace, read_trace
 
     stream = io.StringIO()
-    subject.require_hardware()
-    device = subject.cls(subject.require_params())
+    harness.require_hardware()
+    device = harness.cls(harness.require_params())
     device.trace = Trace(stream, "unit")
-    reads, _ = subject.cls.channels(subject.params)
+    reads, _ = harness.cls.channels(harness.params)
     reading = Record.of(Field.of(c) for c in reads)
     device.open()
     try:
@@ -360,7 +360,7 @@ def transcript(subject: DeviceSubject) -> str:
     finally:
         device.close()
     sent = [entry.data for entry in read_trace(stream.getvalue().splitlines()) if entry.mark == ">"]
-    with open(subject.transcript, encoding="utf-8") as golden:
+    with open(harness.transcript, encoding="utf-8") as golden:
         wanted = [entry.data for entry in read_trace(golden) if entry.mark == ">"]
     for index, (ours, theirs) in enumerate(zip(sent, wanted, strict=False)):
         if ours != theirs:

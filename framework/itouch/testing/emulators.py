@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Channel, DeviceError, Role
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import DeviceSubject, limits
+from itouch.testing.harness import DeviceHarness, limits
 from itouch.testing.open_device import Opened, Served, emulated
 
 #: Offsets [m] from a reachable position to which the finger leads a device that tracks it, and time for that [s].
@@ -23,9 +23,9 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("twin-and-driver-agree", "the driver reads what the twin is")
-def agree(subject: DeviceSubject) -> str:
+def agree(harness: DeviceHarness) -> str:
     """Compare the driver's readings with those of the twin behind the wire, for a tracking device at some positions."""
-    with emulated(subject) as (emulator, opened):
+    with emulated(harness) as (emulator, opened):
         opened.fresh(5.0)
         if not emulator.tracks:
             return f"within {100 * _agreed(emulator, opened):.0f} % of the tolerance"
@@ -61,9 +61,9 @@ def _agreed(emulator: Served, opened: Opened) -> float:
 
 
 @check("disabled-is-still", "nothing is driven before the first command")
-def still(subject: DeviceSubject) -> None:
+def still(harness: DeviceHarness) -> None:
     """Open and read; the driver must send no command but the safe one."""
-    with emulated(subject) as (emulator, opened):
+    with emulated(harness) as (emulator, opened):
         for _ in range(20):
             with contextlib.suppress(CheckError):
                 opened.fresh(0.2, silent=True)
@@ -80,9 +80,9 @@ def still(subject: DeviceSubject) -> None:
 
 
 @check("commands-arrive", "what is commanded arrives")
-def arrive(subject: DeviceSubject) -> str:
+def arrive(harness: DeviceHarness) -> str:
     """Send commands within what is allowed, and compare with what arrives at the emulator."""
-    with emulated(subject) as (emulator, opened):
+    with emulated(harness) as (emulator, opened):
         opened.fresh(5.0)
         wanted = {c.name: _half(c) for c in opened.commands if c.role is not Role.SURFACE_POSE and c.low}
         if not wanted:
@@ -134,14 +134,14 @@ def _arrived(emulator: Served, opened: Opened, name: str) -> float:
 
 
 @check("unplug", "an unplugged device is reported; close works")
-def unplug(subject: DeviceSubject) -> str:
+def unplug(harness: DeviceHarness) -> str:
     """Disconnect the emulator while the driver reads."""
-    with emulated(subject) as (emulator, opened):
+    with emulated(harness) as (emulator, opened):
         opened.fresh(5.0)
         emulator.hang_up()
         told = _unplugged(opened)
-    if subject.shared is not None:
-        subject.shared.end()  # close must still work
+    if harness.shared is not None:
+        harness.shared.end()  # close must still work
     return told
 
 

@@ -13,19 +13,19 @@ import numpy as np
 from itouch.loop import Engine, Status
 from itouch.schema import ItouchError
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch.testing.reproducibility import script
 from itouch.world import Model
 
 
-def _engine(subject: DeviceSubject, seed: int = 4) -> Engine:
-    return Engine(Model.of(subject.scene(), subject.catalog), seed=seed)
+def _engine(harness: DeviceHarness, seed: int = 4) -> Engine:
+    return Engine(Model.of(harness.scene(), harness.catalog), seed=seed)
 
 
 @check("restores", "a restored session goes on to the same bytes")
-def restores(subject: DeviceSubject) -> None:
+def restores(harness: DeviceHarness) -> None:
     """Adopt the State of a running engine in a second one."""
-    straight, again = _engine(subject), _engine(subject, seed=9)
+    straight, again = _engine(harness), _engine(harness, seed=9)
     straight.run(0.137)
     again.adopt(straight.state.tobytes())
     straight.run(0.2)
@@ -40,9 +40,9 @@ def restores(subject: DeviceSubject) -> None:
 
 
 @check("runs", "it runs without a fault, and ends safely")
-def runs(subject: DeviceSubject) -> str:
+def runs(harness: DeviceHarness) -> str:
     """Run for half a second with nothing else in the scene."""
-    engine = _engine(subject)
+    engine = _engine(harness)
     engine.run(0.5)
     if engine.status("unit") is not Status.ENABLED:
         raise CheckError(
@@ -63,9 +63,9 @@ def runs(subject: DeviceSubject) -> str:
 
 
 @check("stale-is-seen", "a device that falls silent is stopped")
-def stale(subject: DeviceSubject) -> None:
+def stale(harness: DeviceHarness) -> None:
     """Let the twin say for ever that there is no new reading."""
-    engine = _engine(subject)
+    engine = _engine(harness)
     engine.run(0.05)
     runner = next(r for r in engine.runners if r.model.name == "unit")
     twin = runner.gate.twin
@@ -101,9 +101,9 @@ def stale(subject: DeviceSubject) -> None:
     )
 
 
-def serve(subject: DeviceSubject, out: str) -> None:
+def serve(harness: DeviceHarness, out: str) -> None:
     """Run until SIGTERM comes; write to the file ``out`` once the engine is closed."""
-    engine = _engine(subject)
+    engine = _engine(harness)
     signal.signal(signal.SIGTERM, lambda *_: engine.stop())
     with engine:
         engine.enable()
@@ -121,11 +121,11 @@ def last_error(told: str) -> str:
 
 
 @check("sigterm", "SIGTERM ends a session safely")
-def sigterm(subject: DeviceSubject) -> None:
+def sigterm(harness: DeviceHarness) -> None:
     """Run it in a process of its own, and end that by SIGTERM."""
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "end")
-        command = script(subject, f"{__name__}:serve", out)
+        command = script(harness, f"{__name__}:serve", out)
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert process.stdout is not None  # noqa: S101  (a pipe was asked for)
         if "running" not in process.stdout.readline():

@@ -1,4 +1,4 @@
-"""The plugin under examination: its class, its parameters, and a catalog that knows it."""
+"""The harness of a device plugin under test: its class and parameters, a catalog that knows it, and a bench."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ class KnownCatalog(Catalog):
 
 
 @dataclass(frozen=True, slots=True)
-class DeviceSubject:
-    """A device class under examination.
+class DeviceHarness:
+    """The harness in which a device class is tested.
 
     Attributes
     ----------
@@ -165,10 +165,10 @@ def follows(reads: Iterable[Channel], commands: Iterable[Channel]) -> bool:
 class TwinBench:
     """A twin with its State, driven by inputs and commands that depend only on the tick."""
 
-    def __init__(self, subject: DeviceSubject, seed: int) -> None:
-        params = subject.require_params()
-        self.reads, self.commands = subject.cls.channels(params)
-        self.twin: Twin = IdealTwin(params, subject.cls) if subject.cls.Twin is None else subject.cls.Twin(params)
+    def __init__(self, harness: DeviceHarness, seed: int) -> None:
+        params = harness.require_params()
+        self.reads, self.commands = harness.cls.channels(params)
+        self.twin: Twin = IdealTwin(params, harness.cls) if harness.cls.Twin is None else harness.cls.Twin(params)
         self.twin.set_environment(ROOM, SKIN)
         #: Name of the reading that is the pose of its end; empty: there is none.
         self.pose = next((c.name for c in self.reads if c.role is Role.TRACKED_POSE), "")

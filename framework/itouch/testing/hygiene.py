@@ -18,12 +18,12 @@ from typing import Any
 from itouch.plugin import DeviceError, Record
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.child_process import apart, described
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch.testing.process_state import ProcessState, children, open_files
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 from itouch.testing.workload import Call, Workload, workloads
 
-Subject = DeviceSubject | ModalitySubject
+Harness = DeviceHarness | ModalityHarness
 #: How long a plugin may take for a short run in a process of its own [s].
 _SHORT = 15.0
 
@@ -33,11 +33,11 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("survives", "every call comes back")
-def survives(subject: Subject) -> None:
+def survives(harness: Harness) -> None:
     """Let the plugin work in a child process, and see how that ends."""
-    shared = isinstance(subject, DeviceSubject) and subject.shared is not None
-    for make in workloads(subject)[: 1 if shared else None]:
-        limit = _SHORT if isinstance(subject, DeviceSubject) else 2 * _SHORT
+    shared = isinstance(harness, DeviceHarness) and harness.shared is not None
+    for make in workloads(harness)[: 1 if shared else None]:
+        limit = _SHORT if isinstance(harness, DeviceHarness) else 2 * _SHORT
         ending = apart(lambda make=make: _short(make), limit)  # type: ignore[misc]
         told = ending.text
         if ending.kind == "hung":
@@ -90,9 +90,9 @@ def _short(make: Callable[[], Workload]) -> bytes:
 
 
 @check("quiet", "it writes nothing to the terminal")
-def quiet(subject: Subject) -> None:
+def quiet(harness: Harness) -> None:
     """Capture what is written to standard output and standard error."""
-    for make in workloads(subject):
+    for make in workloads(harness):
         logged = _Logged()
         with _caught() as said, logged, make() as workload:
             for _ in range(min(workload.ticks, 300)):
@@ -156,9 +156,9 @@ def _caught() -> Iterator[Callable[[], str]]:
 
 
 @check("surroundings", "it leaves the process as it was")
-def surroundings(subject: Subject) -> None:
+def surroundings(harness: Harness) -> None:
     """Compare the process before, while and after the plugin works."""
-    for make in workloads(subject):
+    for make in workloads(harness):
         before = ProcessState()
         with make() as warm:  # what a library opens once and for all is opened now
             warm.tick()
@@ -203,10 +203,10 @@ class _Trap(Record):
 
 
 @check("errors-come-through", "errors and Ctrl-C come out of its calls")
-def errors_come_through(subject: Subject) -> str:
+def errors_come_through(harness: Harness) -> str:
     """Let records raise an error or KeyboardInterrupt at each look-up in turn."""
     tried = 0
-    for make in workloads(subject):
+    for make in workloads(harness):
         with make() as workload:
             for _ in range(5):
                 workload.tick()
@@ -250,9 +250,9 @@ def _provoke(what: str, name: str, record: Record, function: Callable[[Record], 
 
 
 @check("opens-nothing", "no file, port, process or sleep in a tick")
-def opens_nothing(subject: Subject) -> None:
+def opens_nothing(harness: Harness) -> None:
     """Watch the system calls of a twin or a modality, in a child process."""
-    make = workloads(subject)[0]
+    make = workloads(harness)[0]
     ending = apart(lambda: _watched(make), 2 * _SHORT)
     if ending.kind != "returned":
         raise NotApplicableError(f"it can't be watched: {ending.text}")
@@ -315,9 +315,9 @@ def _watched_sleep(watch: Callable[[str, tuple[Any, ...]], None]) -> Callable[[f
 
 
 @check("params-untouched", "parameters stay as they were given")
-def params_untouched(subject: Subject) -> None:
+def params_untouched(harness: Harness) -> None:
     """Compare the parameters before and after the plugin works."""
-    for make in workloads(subject):
+    for make in workloads(harness):
         with make() as workload:
             before = copy.deepcopy(workload.params)
             for _ in range(min(workload.ticks, 300)):
@@ -331,9 +331,9 @@ def params_untouched(subject: Subject) -> None:
 
 
 @check("steady", "a tick takes no longer after a while")
-def steady(subject: Subject) -> str:
+def steady(harness: Harness) -> str:
     """Compare the processor time of early and late calls, and count the objects that only the collector can free."""
-    make = workloads(subject)[0]
+    make = workloads(harness)[0]
     with make() as workload:
         for _ in range(300):
             workload.tick()

@@ -54,9 +54,9 @@ print("SEEN", seen[0] if seen else "")
 
 
 @check("import", "importing it does nothing")
-def imported(subject: Any) -> None:
+def imported(harness: Any) -> None:
     """Import the plugin's module in a new process that watches what it does."""
-    name = subject.cls.__module__
+    name = harness.cls.__module__
     module = sys.modules.get(name)
     if module is None or name == "__main__" or not getattr(module, "__file__", None):
         raise NotApplicableError("the class is not in a module that can be imported")

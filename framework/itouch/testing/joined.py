@@ -18,8 +18,8 @@ from itouch.loop.write_access import view_for
 from itouch.plugin import Bound, Contact, Field, Modality, Record
 from itouch.testing.checks import NotApplicableError, check
 from itouch.testing.draws import INPUTS, Happening, States, draw_inputs
-from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.harness import PERIOD, DeviceHarness, TwinBench
+from itouch.testing.scenario import ModalityHarness
 from itouch.testing.two_forms import ImplausibleError, Kinds, Sides, TwoForms, unequal
 from itouch.world import Model
 from itouch.world.modalities import ModalityModel
@@ -65,10 +65,10 @@ def _draw_all(forms: Sequence[TwoForms], burst: Callable[[str], None]) -> str:
 
 
 @check("joined", "what is compiled does what it does in Python")
-def twin(subject: DeviceSubject) -> str:
+def twin(harness: DeviceHarness) -> str:
     """Let two twins step and read alike, one in Python and one compiled."""
     _need_joining()
-    one, other = subject.bench(), subject.bench()
+    one, other = harness.bench(), harness.bench()
     one.drive()
     other.drive()  # a finger is attached
     sides = Sides(_given(one), _given(other))
@@ -200,23 +200,23 @@ def _joins(instance: Modality, bound: str, *alone: str) -> bool:
 
 
 @check("joined", "what is compiled does what it does in Python")
-def modality(subject: ModalitySubject) -> str:
+def modality(harness: ModalityHarness) -> str:
     """Run the scene both ways; then let it update and hear both ways from random States."""
     _need_joining()
-    engine, rng = subject.engine(), np.random.default_rng(_SEED)
-    pairs = [_Pair(engine.model, engine.state, one, rng) for one in subject.own(engine)]
+    engine, rng = harness.engine(), np.random.default_rng(_SEED)
+    pairs = [_Pair(engine.model, engine.state, one, rng) for one in harness.own(engine)]
     _need_both(form for pair in pairs for form in pair.forms)
     states = States(rng)
-    notes = [_followed(subject, engine, states)]
+    notes = [_followed(harness, engine, states)]
     for pair in pairs:
         pair.free(states)
         notes.append(_draw_all(pair.forms, partial(pair.burst, states)))
     return "; ".join(notes)
 
 
-def _followed(subject: ModalitySubject, engine: Engine, states: States) -> str:
+def _followed(harness: ModalityHarness, engine: Engine, states: States) -> str:
     """Run an engine beside one whose modality runs in Python; keep States of the run, among them each with an event."""
-    other, ticks = _in_python(subject), round(subject.seconds / engine.model.period)
+    other, ticks = _in_python(harness), round(harness.seconds / engine.model.period)
     sides = Sides((("field", other.state),), (("field", engine.state),)) if other is not None else None
     count, before = engine.state["events.count"], engine.state.copy()
     for tick in range(ticks):
@@ -236,10 +236,10 @@ def _followed(subject: ModalitySubject, engine: Engine, states: States) -> str:
     return f"{ticks} ticks" if other is not None else "no subclass of it runs in Python"
 
 
-def _in_python(subject: ModalitySubject) -> Engine | None:
+def _in_python(harness: ModalityHarness) -> Engine | None:
     """Return an engine of the scene that runs the modality in Python; None: its class can not be replaced."""
-    engine = subject.engine()
-    for one in subject.own(engine):
+    engine = harness.engine()
+    for one in harness.own(engine):
         cls = type(one.instance)
         own = {"__slots__": (), "__module__": cls.__module__, "update": cls.update, "on_contact": cls.on_contact}
         try:  # an heir that overrides both has its own update, which the loop takes then

@@ -11,8 +11,8 @@ from itouch.plugin import Channel, Role
 from itouch.plugin.declaration_rules import faults_of
 from itouch.plugin.quantity import SIZES
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.harness import PERIOD, DeviceHarness, TwinBench
+from itouch.testing.scenario import ModalityHarness
 
 #: Unit of a quantity with a role.
 UNITS = {
@@ -37,19 +37,19 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("meaning", "every number says its unit and what it is")
-def meaning(subject: DeviceSubject) -> str:
+def meaning(harness: DeviceHarness) -> str:
     """Check the channels, and the State fields of the twin."""
-    bench = subject.bench()
+    bench = harness.bench()
     fields = bench.twin.fields()
     _said([*faults_of(bench.reads, "reading"), *faults_of(bench.commands, "command"), *faults_of(fields, "field")])
     return f"{len(bench.reads) + len(bench.commands)} channels, {len(fields)} fields"
 
 
 @check("meaning", "every number says its unit and what it is")
-def fields_meaning(subject: ModalitySubject) -> str:
+def fields_meaning(harness: ModalityHarness) -> str:
     """Check the State fields of the modality."""
-    engine = subject.engine()
-    fields = [field for m in subject.own(engine) for field in m.instance.fields(m.model)]
+    engine = harness.engine()
+    fields = [field for m in harness.own(engine) for field in m.instance.fields(m.model)]
     _said(list(faults_of(fields, "field")))
     return f"{len(fields)} fields"
 
@@ -64,9 +64,9 @@ def _said(faults: list[str]) -> None:
 
 
 @check("roles", "what it calls its channels is what they do")
-def roles(subject: DeviceSubject) -> None:
+def roles(harness: DeviceHarness) -> None:
     """Compare roles with units, sizes and direction, and a skin-contact temperature with the effect of the drive."""
-    bench = subject.bench()
+    bench = harness.bench()
     named = [channel for channel in (*bench.reads, *bench.commands) if channel.role is not Role.SIGNAL]
     if not named:
         raise NotApplicableError("none of its channels has a role")

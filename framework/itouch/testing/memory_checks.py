@@ -14,8 +14,8 @@ import numpy as np
 
 from itouch.plugin import Record, TwinInputs
 from itouch.testing.checks import CheckError, check
-from itouch.testing.harness import PERIOD, DeviceSubject
-from itouch.testing.hygiene import Subject
+from itouch.testing.harness import PERIOD, DeviceHarness
+from itouch.testing.hygiene import Harness
 from itouch.testing.workload import opened, workloads
 
 #: Bytes by which memory may grow per tick, and that may be allocated and freed within one.
@@ -88,9 +88,9 @@ def _memory(record: Record) -> Any:
 
 
 @check("keeps-nothing", "records and touch are not kept")
-def keeps_nothing(subject: DeviceSubject) -> None:
+def keeps_nothing(harness: DeviceHarness) -> None:
     """Pass new records, and check that nothing still references them."""
-    bench = subject.bench()
+    bench = harness.bench()
     bench.step(3)
     twin = bench.twin
     _let_go(lambda reading: twin.read(bench.state, reading), bench.reading, "reading")
@@ -107,9 +107,9 @@ def keeps_nothing(subject: DeviceSubject) -> None:
 
 
 @check("driver-keeps-nothing", "the driver keeps no record")
-def driver_keeps_nothing(subject: DeviceSubject) -> None:
+def driver_keeps_nothing(harness: DeviceHarness) -> None:
     """Pass new records, and check that the driver does not still reference them."""
-    with opened(subject) as device:
+    with opened(harness) as device:
         device.fresh()
         for _ in range(3):
             _let_go(device.device.read, device.reading, "reading")
@@ -119,10 +119,10 @@ def driver_keeps_nothing(subject: DeviceSubject) -> None:
 
 
 @check("allocates-nothing", "no memory is gathered, and little taken")
-def allocates_nothing(subject: Subject) -> str:
+def allocates_nothing(harness: Harness) -> str:
     """Compare allocated memory before and after many calls, and measure what single calls allocate."""
     notes = []
-    for make in workloads(subject):
+    for make in workloads(harness):
         with make() as workload:
             for _ in range(min(workload.ticks, 500)):
                 workload.tick()

@@ -18,7 +18,7 @@ from itouch.schema.fields import Spec, specs, validate, xml_name
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.child_process import apart
 from itouch.testing.continuation import attributes, scatter
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 from itouch.testing.workload import touch
 from itouch.world import Model
 from itouch.world.modalities import ModalityModel
@@ -29,9 +29,9 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("declarations", "declared as the contract says")
-def declarations(subject: ModalitySubject) -> None:
+def declarations(harness: ModalityHarness) -> None:
     """Check ``Params``, ``Material``, ``hears`` and ``keeps_to``."""
-    cls = subject.cls
+    cls = harness.cls
     for name, kind in (("Params", getattr(cls, "Params", None)), ("Material", cls.Material)):
         if kind is None and name == "Material":
             continue
@@ -57,24 +57,24 @@ def declarations(subject: ModalitySubject) -> None:
 
 
 @check("documentation", "class, parameters, module say what they are")
-def documentation(subject: ModalitySubject) -> None:
+def documentation(harness: ModalityHarness) -> None:
     """Check that there are docstrings, and a ``doc=`` for every parameter."""
-    own = subject.cls.__dict__.get("__doc__")
+    own = harness.cls.__dict__.get("__doc__")
     if not own or own == Modality.__doc__:
         raise _fail("the modality class has no docstring", "not written yet", "say in a line what it renders")
-    silent = [xml_name(name) for name, spec in specs(subject.cls.Params).items() if not spec.doc]
+    silent = [xml_name(name) for name, spec in specs(harness.cls.Params).items() if not spec.doc]
     if silent:
         raise _fail(f"parameters without a word: {', '.join(silent)}", "`doc=` was forgotten", 'write doc="..."')
-    module = inspect.getmodule(subject.cls)
+    module = inspect.getmodule(harness.cls)
     if module is not None and not (module.__doc__ or "").strip():
         raise _fail(f"the module {module.__name__} has no docstring", "not written yet", "say what it is for")
 
 
 @check("parameters", "every parameter keeps its range")
-def parameters(subject: ModalitySubject) -> str:
+def parameters(harness: ModalityHarness) -> str:
     """Set every number below and above its range, and validate."""
-    engine = subject.engine()
-    params = subject.own(engine)[0].params
+    engine = harness.engine()
+    params = harness.own(engine)[0].params
     count = 0
     for name, spec in specs(type(params)).items():
         count += 1
@@ -100,17 +100,17 @@ def _ranged(params: Any, name: str, spec: Spec) -> None:
 
 
 @check("runs", "it runs through a touch; fields stay finite")
-def runs(subject: ModalitySubject) -> str:
+def runs(harness: ModalityHarness) -> str:
     """Run the scene, and check fields and commands in every tick."""
-    engine = subject.engine()
-    owned = subject.own(engine)
+    engine = harness.engine()
+    owned = harness.own(engine)
     views = [
         (f"{m.name}.{f.name}", engine.state[f"{m.name}.{f.name}"]) for m in owned for f in m.instance.fields(m.model)
     ]
     views = [(name, view) for name, view in views if view.dtype.kind == "f"]
     told = [(f"{device}.{channel}", engine.state[f"{device}.command.{channel}"])
             for m in owned for device, _, channel in (c.partition(".") for c in m.commands)]  # fmt: skip
-    for _ in range(round(subject.seconds / engine.model.period)):
+    for _ in range(round(harness.seconds / engine.model.period)):
         engine.tick()
         for name, view in views:
             if np.isnan(view).any():
@@ -126,18 +126,18 @@ def runs(subject: ModalitySubject) -> str:
                     "arithmetic before the first contact, or a division by zero",
                     "write a finite command in every update",
                 )
-    return f"{subject.seconds:.2g} s simulated, with a touch that begins, slides and ends"
+    return f"{harness.seconds:.2g} s simulated, with a touch that begins, slides and ends"
 
 
 @check("state-declared", "everything that changes is in its fields")
-def state_declared(subject: ModalitySubject) -> None:
+def state_declared(harness: ModalityHarness) -> None:
     """Continue in a second engine from a copy of State, here and in a process that knows nothing of the first."""
-    straight, again = subject.engine(), subject.engine(seed=8)
-    straight.run(0.4 * subject.seconds)
+    straight, again = harness.engine(), harness.engine(seed=8)
+    straight.run(0.4 * harness.seconds)
     again.adopt(straight.state.tobytes())
-    before = [_attributes(m) for m in subject.own(straight)]
-    straight.run(0.6 * subject.seconds)
-    again.run(0.6 * subject.seconds)
+    before = [_attributes(m) for m in harness.own(straight)]
+    straight.run(0.6 * harness.seconds)
+    again.run(0.6 * harness.seconds)
     if straight.state.tobytes() != again.state.tobytes():
         names = [name for name in straight.state if straight.state[name].tobytes() != again.state[name].tobytes()]
         raise _fail(
@@ -145,7 +145,7 @@ def state_declared(subject: ModalitySubject) -> None:
             "an attribute, a global or the clock decides",
             "declare it in fields() and keep it in state",
         )
-    after = [_attributes(m) for m in subject.own(straight)]
+    after = [_attributes(m) for m in harness.own(straight)]
     changed = {name for b, a in zip(before, after, strict=True) for name in a if b.get(name, a[name]) != a[name]}
     if changed:
         raise _fail(
@@ -153,16 +153,16 @@ def state_declared(subject: ModalitySubject) -> None:
             "State outside of State",
             "declare a field for it; what compile() returns is read-only",
         )
-    _in_another_process(subject)
+    _in_another_process(harness)
 
 
-def _in_another_process(subject: ModalitySubject) -> None:
-    subject.seconds  # noqa: B018  (computed once, for both processes)
-    straight = apart(lambda: _straight(subject), 60.0)
+def _in_another_process(harness: ModalityHarness) -> None:
+    harness.seconds  # noqa: B018  (computed once, for both processes)
+    straight = apart(lambda: _straight(harness), 60.0)
     if straight.kind != "returned":
         raise _fail(straight.text, "it does not work in a child process", "find out what it needs from the process")
     told = json.loads(straight.value)
-    restored = apart(lambda: _restored(subject, bytes.fromhex(told["state"])), 60.0)
+    restored = apart(lambda: _restored(harness, bytes.fromhex(told["state"])), 60.0)
     if restored.kind != "returned" or json.loads(restored.value)["end"] != told["end"]:
         raise _fail(
             "a session that is restored in a new process continues differently",
@@ -171,20 +171,20 @@ def _in_another_process(subject: ModalitySubject) -> None:
         )
 
 
-def _straight(subject: ModalitySubject) -> bytes:
+def _straight(harness: ModalityHarness) -> bytes:
     scatter(1)
-    engine = subject.engine()
-    engine.run(0.4 * subject.seconds)
+    engine = harness.engine()
+    engine.run(0.4 * harness.seconds)
     state = engine.state.tobytes().hex()
-    engine.run(0.6 * subject.seconds)
+    engine.run(0.6 * harness.seconds)
     return json.dumps({"state": state, "end": _digest(engine.state)}).encode()
 
 
-def _restored(subject: ModalitySubject, state: bytes) -> bytes:
+def _restored(harness: ModalityHarness, state: bytes) -> bytes:
     scatter(2)
-    engine = subject.engine(seed=8)
+    engine = harness.engine(seed=8)
     engine.adopt(state)
-    engine.run(0.6 * subject.seconds)
+    engine.run(0.6 * harness.seconds)
     return json.dumps({"end": _digest(engine.state)}).encode()
 
 
@@ -200,11 +200,11 @@ def _attributes(modality: ModalityModel) -> dict[str, str]:
 
 
 @check("determinism", "equal seeds give equal bytes")
-def determinism(subject: ModalitySubject) -> None:
+def determinism(harness: ModalityHarness) -> None:
     """Run one engine alone, then two side by side."""
-    alone = subject.engine()
-    alone.run(subject.seconds)
-    one, two = subject.engine(), subject.engine()
+    alone = harness.engine()
+    alone.run(harness.seconds)
+    one, two = harness.engine(), harness.engine()
     for _ in range(alone.ticks):
         one.tick()
         two.tick()
@@ -217,13 +217,13 @@ def determinism(subject: ModalitySubject) -> None:
 
 
 @check("own-fields", "it writes its own fields and commands only")
-def own_fields(subject: ModalitySubject) -> None:
+def own_fields(harness: ModalityHarness) -> None:
     """Compare State before and after its calls, in copies."""
-    engine = subject.engine()
-    for modality in subject.own(engine):
+    engine = harness.engine()
+    for modality in harness.own(engine):
         commands = {f"{c.partition('.')[0]}.command.{c.partition('.')[2]}" for c in modality.commands}
         for _ in range(60):
-            engine.run(subject.seconds / 60)
+            engine.run(harness.seconds / 60)
             _writes(engine.model, engine.state, modality, "update", (f"{modality.name}.", *commands))
             _writes(engine.model, engine.state, modality, "on_contact", (f"{modality.name}.", *commands))
             _writes(engine.model, engine.state, modality, "left_out", (f"{modality.name}.", *commands))
@@ -273,11 +273,11 @@ def _writes(world: Model, state: Record, modality: ModalityModel, name: str, all
 
 
 @check("uses-given-state", "it works on the State that it is given")
-def uses_given_state(subject: ModalitySubject) -> None:
+def uses_given_state(harness: ModalityHarness) -> None:
     """Update a copy of State: the original must not change."""
-    engine = subject.engine()
-    engine.run(0.5 * subject.seconds)
-    for modality in subject.own(engine):
+    engine = harness.engine()
+    engine.run(0.5 * harness.seconds)
+    for modality in harness.own(engine):
         before, scratch = engine.state.tobytes(), engine.state.copy()
         modality.instance.update(modality.model, scratch, engine.model.period * modality.every)
         if engine.state.tobytes() != before:
@@ -289,12 +289,12 @@ def uses_given_state(subject: ModalitySubject) -> None:
 
 
 @check("measures", "what it reports is plain and finite")
-def measures(subject: ModalitySubject) -> None:
+def measures(harness: ModalityHarness) -> None:
     """Ask for the figures of a contact, for the words of the live line, and for the report."""
-    engine = subject.engine()
+    engine = harness.engine()
     for _ in range(20):
-        engine.run(subject.seconds / 20)
-        for modality in subject.own(engine):
+        engine.run(harness.seconds / 20)
+        for modality in harness.own(engine):
             instance, model, state = modality.instance, modality.model, engine.state
             for probe in engine.model.probes:
                 _plain("measures", instance.measures(model, state, probe.name, 0))
@@ -323,10 +323,10 @@ def _plain(what: str, told: Any) -> None:
 
 
 @check("order", "END comes after BEGIN, before the update")
-def order(subject: ModalitySubject) -> None:
+def order(harness: ModalityHarness) -> None:
     """Watch the calls of ``on_contact``."""
-    engine = subject.engine()
-    modality = subject.own(engine)[0]
+    engine = harness.engine()
+    modality = harness.own(engine)[0]
     if not modality.instance.hears:
         raise NotApplicableError("it hears no contact")
     heard: list[int] = []
@@ -342,7 +342,7 @@ def order(subject: ModalitySubject) -> None:
     except AttributeError as error:
         raise NotApplicableError("its class has slots") from error
     engine = type(engine)(engine.model)  # another one, which finds it in the place of what may be compiled
-    engine.run(subject.seconds)
+    engine.run(harness.seconds)
     touches = [kind for kind in heard if kind in (Contact.BEGIN, Contact.END)]
     both = {Contact.BEGIN, Contact.END} <= modality.instance.hears  # with only one of them, it repeats
     if both and any(a == b for a, b in zip(touches, touches[1:], strict=False)) and len(engine.model.probes) == 1:

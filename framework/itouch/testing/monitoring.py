@@ -11,7 +11,7 @@ from itouch.monitors import own_monitors
 from itouch.plugin import Moment, Monitor, Record, Watched
 from itouch.plugin.record import Field
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 from itouch.world.limits import DeviceLimits, ceilings
 from itouch.world.supervision import monitors_of, supervision_problems, watched
 
@@ -19,18 +19,18 @@ from itouch.world.supervision import monitors_of, supervision_problems, watched
 SHOWN = 400
 
 
-def _seen(subject: DeviceSubject) -> Watched:
-    params = subject.require_params()
-    channels = subject.cls.channels(params)
+def _seen(harness: DeviceHarness) -> Watched:
+    params = harness.require_params()
+    channels = harness.cls.channels(params)
     limits = DeviceLimits(**{name: value for name, (value, _) in ceilings(*channels).items()})
-    return watched(subject.name, subject.name, params, channels, limits, twin=False)
+    return watched(harness.name, harness.name, params, channels, limits, twin=False)
 
 
 @check("watched", "what can hurt is watched by a monitor")
-def drives(subject: DeviceSubject) -> str:
+def drives(harness: DeviceHarness) -> str:
     """Check that there is a monitor for each command that can hurt."""
-    seen = _seen(subject)
-    monitors = monitors_of(seen, subject.catalog.monitors())
+    seen = _seen(harness)
+    monitors = monitors_of(seen, harness.catalog.monitors())
     for problem in supervision_problems(seen, monitors, None):
         raise CheckError(
             problem.sentence, cause="a role is missing, or the reading of the effect", advice=problem.advice
@@ -39,10 +39,10 @@ def drives(subject: DeviceSubject) -> str:
 
 
 @check("monitors", "the plugin's monitors keep to their contract")
-def contract(subject: DeviceSubject) -> str:
+def contract(harness: DeviceHarness) -> str:
     """Give the monitors that plugins offer for this device all kinds of readings, at irregular times."""
-    seen = _seen(subject)
-    offered = [one for kind in subject.catalog.monitors() for one in kind.of(seen)]
+    seen = _seen(harness)
+    offered = [one for kind in harness.catalog.monitors() for one in kind.of(seen)]
     if not offered:
         raise NotApplicableError("no distribution offers a monitor for it")
     own = {monitor.name for monitor in own_monitors(seen)}

@@ -15,7 +15,7 @@ from typing import Any
 
 from itouch.plugin import Channel, DeviceError, Emulator, Field, Record, Role
 from itouch.testing.checks import CheckError, NotApplicableError
-from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench, follows
+from itouch.testing.harness import PERIOD, DeviceHarness, TwinBench, follows
 
 #: Names of parameters that say where a device is.
 PLACES = ("port", "path", "device", "serial_port", "tty", "address", "host", "url", "bus", "tmcl")
@@ -28,17 +28,17 @@ _MOST = 20
 class Served:
     """An emulator that answers in a thread, with the twin behind it."""
 
-    def __init__(self, subject: DeviceSubject) -> None:
-        kind = subject.cls.Emulator
+    def __init__(self, harness: DeviceHarness) -> None:
+        kind = harness.cls.Emulator
         if kind is None:
             raise NotApplicableError("the device class names no Emulator")
-        given = subject.require_params()
+        given = harness.require_params()
         params = kind.somewhere(given)
-        self.subject = replace(subject, params=_here(params) if params is given else params, emulated=False)
-        params = self.subject.params
-        self.bench = TwinBench(self.subject, seed=1)
+        self.harness = replace(harness, params=_here(params) if params is given else params, emulated=False)
+        params = self.harness.params
+        self.bench = TwinBench(self.harness, seed=1)
         self.emulator: Emulator = kind(params)
-        reads, commands = subject.cls.channels(params)
+        reads, commands = harness.cls.channels(params)
         #: Whether it follows the finger, which then holds it where the real device can be.
         self.tracks = follows(reads, commands)
         if self.tracks:
@@ -108,25 +108,25 @@ def _here(params: Any) -> Any:
 
 
 @contextlib.contextmanager
-def served(subject: DeviceSubject) -> Iterator[tuple[Served, DeviceSubject]]:
-    """Serve the emulator; yield it with a subject whose hardware can be opened."""
-    with Served(subject) as emulator:
-        yield emulator, replace(emulator.subject, hardware=True)
+def served(harness: DeviceHarness) -> Iterator[tuple[Served, DeviceHarness]]:
+    """Serve the emulator; yield it with a harness whose hardware can be opened."""
+    with Served(harness) as emulator:
+        yield emulator, replace(emulator.harness, hardware=True)
 
 
 class Opened:
     """An open device with records of its channels; leaving the context closes it, and its emulator too."""
 
-    def __init__(self, subject: DeviceSubject, served_by: Served | None = None) -> None:
-        subject.require_hardware()
+    def __init__(self, harness: DeviceHarness, served_by: Served | None = None) -> None:
+        harness.require_hardware()
         self._end = contextlib.ExitStack()
         self.served: Served | None = served_by
-        if subject.emulated:
-            self.served, subject = self._end.enter_context(served(subject))
-        self.device = subject.cls(subject.require_params())
-        if subject.cls.Emulator is not None:
+        if harness.emulated:
+            self.served, harness = self._end.enter_context(served(harness))
+        self.device = harness.cls(harness.require_params())
+        if harness.cls.Emulator is not None:
             self.device.patience = _PATIENCE
-        reads, commands = subject.cls.channels(subject.params)
+        reads, commands = harness.cls.channels(harness.params)
         self.reading = Record.of(Field.of(c) for c in reads)
         self.command = Record.of(Field.of(c) for c in commands)
         self.reads: Sequence[Channel] = reads
@@ -210,10 +210,10 @@ class Shared:
         self._thread: threading.Thread | None = None
 
     @contextlib.contextmanager
-    def lent(self, subject: DeviceSubject) -> Iterator[Opened]:
+    def lent(self, harness: DeviceHarness) -> Iterator[Opened]:
         """Lend the open device."""
         if self._opened is None:
-            self._opened = Opened(subject)
+            self._opened = Opened(harness)
         self._idle.clear()
         with self._lock:
             self._opened.be_safe()
@@ -245,13 +245,13 @@ class Shared:
 
 
 @contextlib.contextmanager
-def emulated(subject: DeviceSubject) -> Iterator[tuple[Served, Opened]]:
+def emulated(harness: DeviceHarness) -> Iterator[tuple[Served, Opened]]:
     """Yield an emulator and the driver that is open on it: the shared pair, or a new one."""
-    if subject.shared is not None:
-        with subject.shared.lent(subject) as lent:
+    if harness.shared is not None:
+        with harness.shared.lent(harness) as lent:
             yield lent.served, lent
         return
-    with served(subject) as (emulator, there), Opened(there, emulator) as own:
+    with served(harness) as (emulator, there), Opened(there, emulator) as own:
         yield emulator, own
 
 

@@ -60,5 +60,5 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
         terminalreporter.write_line(step)
 
 
-def _nothing(subject: Any) -> None:
+def _nothing(harness: Any) -> None:
     """Stand in for the function of a check that was run already."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from itouch.scene import loads, write
 from itouch.testing.checks import NotApplicableError
-from itouch.testing.harness import DeviceSubject
+from itouch.testing.harness import DeviceHarness
 
 _SCRIPT = """
 import sys
@@ -24,15 +24,15 @@ print(getattr(importlib.import_module(module), function)(reproducibility.rebuilt
 """
 
 
-def script(subject: DeviceSubject, work: str, *words: str) -> list[str]:
-    """Return the command that calls ``work`` (module:function) with the same subject in another interpreter.
+def script(harness: DeviceHarness, work: str, *words: str) -> list[str]:
+    """Return the command that calls ``work`` (module:function) with the same harness in another interpreter.
 
     Raises
     ------
     NotApplicableError
         If the class cannot be imported there.
     """
-    cls = subject.cls
+    cls = harness.cls
     module = sys.modules.get(cls.__module__)
     found: Any = module
     for part in cls.__qualname__.split("."):
@@ -40,17 +40,17 @@ def script(subject: DeviceSubject, work: str, *words: str) -> list[str]:
     if found is not cls or cls.__module__ == "__main__" or not getattr(module, "__file__", None):
         raise NotApplicableError("the class is not in a module that another process can import")
     text = _SCRIPT.format(
-        path=sys.path, module=cls.__module__, qualname=cls.__qualname__, work=work, name=subject.name,
-        scene=write(subject.scene()), words=words,
+        path=sys.path, module=cls.__module__, qualname=cls.__qualname__, work=work, name=harness.name,
+        scene=write(harness.scene()), words=words,
     )  # fmt: skip
     return [sys.executable, "-c", text]
 
 
-def rebuilt(cls: type, name: str, scene: str) -> DeviceSubject:
-    """Return the subject with the parameters in a scene."""
-    catalog = DeviceSubject(cls, name, object()).catalog
+def rebuilt(cls: type, name: str, scene: str) -> DeviceHarness:
+    """Return the harness with the parameters in a scene."""
+    catalog = DeviceHarness(cls, name, object()).catalog
     device = loads(scene.encode(), catalog).devices[0]
-    return DeviceSubject(cls, name, device.parts[0].params if device.parts else None)
+    return DeviceHarness(cls, name, device.parts[0].params if device.parts else None)
 
 
 def said(command: list[str], *, seed: str | None = None, seconds: float = 60.0) -> str:

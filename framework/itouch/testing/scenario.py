@@ -58,8 +58,8 @@ class Finger(Device):
 
 
 @dataclass(frozen=True)
-class ModalitySubject:
-    """A modality class under examination, in a scene that uses it; devices of hardware are replaced by their twins.
+class ModalityHarness:
+    """The harness in which a modality class is tested: a scene that uses it, in which twins replace all hardware.
 
     Attributes
     ----------

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
 
+from itouch.moved import have_both_names
 from itouch.plugin import Device, Modality
 from itouch.testing import (
     call_times,
@@ -28,8 +30,8 @@ from itouch.testing import (
     twins,
 )
 from itouch.testing.checks import VITAL, Check, CheckResult, unexamined
-from itouch.testing.harness import DeviceSubject
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.harness import DeviceHarness
+from itouch.testing.scenario import ModalityHarness
 
 #: Checks of how a plugin behaves as a guest, which are part of every suite.
 CONDUCT: tuple[Check, ...] = (
@@ -129,27 +131,36 @@ class Suite:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        older = have_both_names(cls, "subject", "harness")
+        if older:
+            said = f"method 'subject' of {older} is 'harness' now: rename it"
+            warnings.warn(said, DeprecationWarning, stacklevel=2)
         cls._vital = {}
         for one in cls.checks:
             name = "test_" + one.name.replace("-", "_")
             if name not in cls.__dict__ and not hasattr(cls, name):
                 setattr(cls, name, _test(one))
 
-    def subject(self) -> Any:
-        """Return the subject under examination."""
+    def harness(self) -> Any:
+        """Return the harness in which the plugin is tested."""
         raise NotImplementedError
+
+    def subject(self) -> Any:
+        """Call ``harness`` of this class: the old name of that method, kept for one version."""
+        warnings.warn("'subject' is 'harness' now: call that", DeprecationWarning, stacklevel=2)
+        return Suite.harness(self)
 
     def examine(self, one: Check) -> CheckResult:
         """Run a check, unless a vital one has failed; each vital check is run once."""
-        subject = self.subject()
+        harness = self.harness()
         for vital in (other for other in self.checks if other.name in VITAL):
             if vital.name not in self._vital:
-                self._vital[vital.name] = vital.examine(subject)
+                self._vital[vital.name] = vital.examine(harness)
             if one is vital:
                 return self._vital[vital.name]
             if self._vital[vital.name].outcome == "failed":
                 return unexamined(one, vital.name)
-        return one.examine(subject)
+        return one.examine(harness)
 
 
 def _test(one: Check) -> Any:
@@ -177,9 +188,9 @@ class DeviceTests(Suite):
     hardware: ClassVar[bool] = False
     transcript: ClassVar[Path | None] = None
 
-    def subject(self) -> DeviceSubject:
-        """Return the device class with its parameters."""
-        return DeviceSubject(self.device, self.name, self.params, self.hardware, self.transcript)
+    def harness(self) -> DeviceHarness:
+        """Return the harness with the device class and its parameters."""
+        return DeviceHarness(self.device, self.name, self.params, self.hardware, self.transcript)
 
 
 class EmulatorTests(Suite):
@@ -190,9 +201,9 @@ class EmulatorTests(Suite):
     name: ClassVar[str]
     params: ClassVar[Any] = None
 
-    def subject(self) -> DeviceSubject:
-        """Return the device class with its parameters."""
-        return DeviceSubject(self.device, self.name, self.params, emulated=True)
+    def harness(self) -> DeviceHarness:
+        """Return the harness in which the driver runs on the device's emulator."""
+        return DeviceHarness(self.device, self.name, self.params, emulated=True)
 
 
 class ModalityTests(Suite):
@@ -208,10 +219,10 @@ class ModalityTests(Suite):
     name: ClassVar[str] = ""
     seconds: ClassVar[float | None] = None
 
-    def subject(self) -> ModalitySubject:
-        """Return the modality class with its scene."""
-        wanted = ModalitySubject(self.modality, self.scene, self.seconds, self.name)
-        kept: ModalitySubject | None = type(self).__dict__.get("_kept")
+    def harness(self) -> ModalityHarness:
+        """Return the harness with the modality class and its scene."""
+        wanted = ModalityHarness(self.modality, self.scene, self.seconds, self.name)
+        kept: ModalityHarness | None = type(self).__dict__.get("_kept")
         if kept is None or (kept.cls, kept.scene, kept.least, kept.name) != (
             wanted.cls,
             wanted.scene,

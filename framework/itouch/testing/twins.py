@@ -10,7 +10,7 @@ import numpy as np
 from itouch.plugin import Channel, Role
 from itouch.plugin.ideal import ROOM
 from itouch.testing.checks import CheckError, NotApplicableError, check
-from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.harness import PERIOD, DeviceHarness, TwinBench
 
 
 def _fail(seen: str, cause: str, advice: str) -> CheckError:
@@ -18,14 +18,14 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 
 @check("twin-fills", "the twin fills its whole reading, always")
-def fills(subject: DeviceSubject) -> None:
+def fills(harness: DeviceHarness) -> None:
     """Read into a record full of NaN, many times, both free and touched."""
-    bench = subject.bench()
+    bench = harness.bench()
     if not bench.reads:
         raise NotApplicableError("it reads nothing")
     bench.step(5)
     fresh = 0
-    for _ in range(max(1000, round(3.0 * subject.cls.period / PERIOD))):
+    for _ in range(max(1000, round(3.0 * harness.cls.period / PERIOD))):
         for view in bench.reading.values():
             view[...] = np.nan
         bench.step()
@@ -51,9 +51,9 @@ def _filled(bench: TwinBench) -> None:
 
 
 @check("twin-finite", "readings are finite and within limits")
-def finite(subject: DeviceSubject) -> None:
+def finite(harness: DeviceHarness) -> None:
     """Drive the twin for two seconds."""
-    bench = subject.bench()
+    bench = harness.bench()
     for _ in range(2000):
         bench.step()
         for channel in bench.reads:
@@ -77,9 +77,9 @@ def _inside(channel: Channel, view: Any, tick: int) -> None:
 
 
 @check("twin-pose", "unit quaternions; locked axes stay")
-def pose(subject: DeviceSubject) -> None:
+def pose(harness: DeviceHarness) -> None:
     """Watch the pose while the twin is driven."""
-    bench = subject.bench()
+    bench = harness.bench()
     channel = _channel(bench, Role.TRACKED_POSE)
     bench.step()
     first = bench.reading[bench.pose].copy()
@@ -116,11 +116,11 @@ def _channel(bench: TwinBench, role: Role) -> Channel:
 
 
 @check("twin-frame", "it is where the finger is, or was sent")
-def frame(subject: DeviceSubject) -> None:
+def frame(harness: DeviceHarness) -> None:
     """Hold a finger, or command a target, off the origin along each axis, and compare the pose."""
-    if subject.cls.input_source == "recording":
+    if harness.cls.input_source == "recording":
         raise NotApplicableError("it leads the finger")
-    bench = subject.bench()
+    bench = harness.bench()
     channel = _channel(bench, Role.TRACKED_POSE)
     target = next((c for c in bench.commands if c.role is Role.SURFACE_POSE), None)
     place = _sent(bench, target) if target is not None else _held(bench)
@@ -172,9 +172,9 @@ def _compare(seen: Any, place: Any, what: str) -> None:
 
 
 @check("twin-kelvin", "temperatures are kelvin, the room's at first")
-def kelvin(subject: DeviceSubject) -> None:
+def kelvin(harness: DeviceHarness) -> None:
     """Read temperatures at rest."""
-    bench = subject.bench()
+    bench = harness.bench()
     channels = [channel for channel in bench.reads if channel.unit == "K"]
     if not channels:
         raise NotApplicableError("it reads no temperature")
@@ -190,9 +190,9 @@ def kelvin(subject: DeviceSubject) -> None:
 
 
 @check("twin-rest", "under the safe command nothing moves or heats")
-def rest(subject: DeviceSubject) -> None:
+def rest(harness: DeviceHarness) -> None:
     """Send the safe command for half a second without a finger."""
-    bench = subject.bench()
+    bench = harness.bench()
     warm = [channel.name for channel in bench.reads if channel.unit == "K"]
     if not bench.pose and not warm:
         raise NotApplicableError("it reads neither a pose nor a temperature")
@@ -219,9 +219,9 @@ def rest(subject: DeviceSubject) -> None:
 
 
 @check("twin-command", "command and touch are left as they are")
-def command_untouched(subject: DeviceSubject) -> None:
+def command_untouched(harness: DeviceHarness) -> None:
     """Compare command and twin inputs before and after a step."""
-    bench = subject.bench()
+    bench = harness.bench()
     for _ in range(50):
         bench.drive()
         before, finger = bench.command.tobytes(), bench.touch.finger_pose.copy()
@@ -235,9 +235,9 @@ def command_untouched(subject: DeviceSubject) -> None:
 
 
 @check("twin-limits", "it withstands every command that is allowed")
-def bounded(subject: DeviceSubject) -> None:
+def bounded(harness: DeviceHarness) -> None:
     """Drive every command to its limits; readings must stay finite."""
-    bench = subject.bench()
+    bench = harness.bench()
     if not bench.commands:
         raise NotApplicableError("it obeys no command")
     for channel in bench.commands:
@@ -257,9 +257,9 @@ def bounded(subject: DeviceSubject) -> None:
 
 
 @check("twin-twist", "its velocity is that of its pose")
-def velocity(subject: DeviceSubject) -> None:
+def velocity(harness: DeviceHarness) -> None:
     """Compare the twist with the change of the pose while the finger moves."""
-    bench = subject.bench()
+    bench = harness.bench()
     twist = next((channel.name for channel in bench.reads if channel.role is Role.TRACKED_TWIST), "")
     if not bench.pose or not twist:
         raise NotApplicableError("it does not read both pose and twist")

@@ -9,9 +9,9 @@ from typing import Any
 
 from itouch.loop import Engine
 from itouch.plugin import Contact, ContactEvent, Record
-from itouch.testing.harness import PERIOD, DeviceSubject, TwinBench
+from itouch.testing.harness import PERIOD, DeviceHarness, TwinBench
 from itouch.testing.open_device import Opened
-from itouch.testing.scenario import ModalitySubject
+from itouch.testing.scenario import ModalityHarness
 from itouch.world import Model
 
 #: A call of the plugin: its name, the record that is passed (which a check may replace), and the function.
@@ -51,8 +51,8 @@ class TwinWorkload(Workload):
 
     what, ticks = "the twin", 1200
 
-    def __init__(self, subject: DeviceSubject) -> None:
-        self.bench: TwinBench = subject.bench()
+    def __init__(self, harness: DeviceHarness) -> None:
+        self.bench: TwinBench = harness.bench()
 
     @property
     def params(self) -> Any:
@@ -78,8 +78,8 @@ class DriverWorkload(Workload):
 
     what, ticks = "the driver", 60
 
-    def __init__(self, subject: DeviceSubject) -> None:
-        self._subject = subject
+    def __init__(self, harness: DeviceHarness) -> None:
+        self._harness = harness
         self._end = contextlib.ExitStack()
         self.opened: Opened
 
@@ -89,7 +89,7 @@ class DriverWorkload(Workload):
         return self.opened.device.params
 
     def __enter__(self) -> Workload:
-        self.opened = self._end.enter_context(opened(self._subject))
+        self.opened = self._end.enter_context(opened(self._harness))
         self.opened.fresh(5.0)
         return self
 
@@ -108,13 +108,13 @@ class DriverWorkload(Workload):
 
 
 @contextlib.contextmanager
-def opened(subject: DeviceSubject) -> Iterator[Opened]:
+def opened(harness: DeviceHarness) -> Iterator[Opened]:
     """Lend the device that several checks share, or open one for this check alone."""
-    if subject.shared is not None:
-        with subject.shared.lent(subject) as lent:
+    if harness.shared is not None:
+        with harness.shared.lent(harness) as lent:
             yield lent
         return
-    with Opened(subject) as own:
+    with Opened(harness) as own:
         yield own
 
 
@@ -123,10 +123,10 @@ class ModalityWorkload(Workload):
 
     what = "the modality"
 
-    def __init__(self, subject: ModalitySubject) -> None:
-        self.engine: Engine = subject.engine()
-        self.own = subject.own(self.engine)[0]
-        self.ticks = round(subject.seconds / self.engine.model.period)
+    def __init__(self, harness: ModalityHarness) -> None:
+        self.engine: Engine = harness.engine()
+        self.own = harness.own(self.engine)[0]
+        self.ticks = round(harness.seconds / self.engine.model.period)
 
     @property
     def params(self) -> Any:
@@ -159,11 +159,11 @@ def touch(model: Model, tick: int) -> ContactEvent | None:
                         still, 1e-4, 1.0, 0.0)  # fmt: skip
 
 
-def workloads(subject: DeviceSubject | ModalitySubject) -> list[Callable[[], Workload]]:
+def workloads(harness: DeviceHarness | ModalityHarness) -> list[Callable[[], Workload]]:
     """Return what of a plugin can be put to work here: a modality; or a twin, and the driver if it can be opened."""
-    if isinstance(subject, ModalitySubject):
-        return [lambda: ModalityWorkload(subject)]
-    found: list[Callable[[], Workload]] = [lambda: TwinWorkload(subject)]
-    if subject.hardware or (subject.emulated and subject.cls.Emulator is not None):
-        found.append(lambda: DriverWorkload(subject))
+    if isinstance(harness, ModalityHarness):
+        return [lambda: ModalityWorkload(harness)]
+    found: list[Callable[[], Workload]] = [lambda: TwinWorkload(harness)]
+    if harness.hardware or (harness.emulated and harness.cls.Emulator is not None):
+        found.append(lambda: DriverWorkload(harness))
     return found

@@ -112,7 +112,7 @@ def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) 
     from dataclasses import replace
 
     from itouch.testing.checks import examine
-    from itouch.testing.harness import DeviceSubject
+    from itouch.testing.harness import DeviceHarness
     from itouch.testing.open_device import Shared
     from itouch.testing.score_card import Card
     from itouch.testing.suites import DEVICE_CHECKS, EMULATOR_CHECKS
@@ -124,15 +124,15 @@ def _device(options: argparse.Namespace, catalog: Catalog, scene: Scene | None) 
     if scene is not None:
         parts = [p.params for d in scene.devices if d.plugin == options.name for p in d.parts if p.plugin == d.plugin]
         params = parts[0] if parts else None
-    subject = DeviceSubject(cls, options.name, params, options.hardware)
+    harness = DeviceHarness(cls, options.name, params, options.hardware)
     card = Card(f"device '{options.name}' {catalog.version(options.name)}", sys.stdout)
     checks = [check for check in DEVICE_CHECKS if not options.emulator or check not in EMULATOR_CHECKS]
-    good = card.write(examine(checks, subject))
+    good = card.write(examine(checks, harness))
     if options.emulator:
         card = Card(f"device '{options.name}' on its emulator", sys.stdout)
         shared = Shared() if cls.moves_on_open else None
         try:
-            emulated = replace(subject, hardware=False, emulated=True, shared=shared)
+            emulated = replace(harness, hardware=False, emulated=True, shared=shared)
             good = card.write(examine(EMULATOR_CHECKS, emulated)) and good
         finally:
             if shared is not None:
@@ -144,7 +144,7 @@ def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
     from pathlib import Path
 
     from itouch.testing.checks import NotApplicableError, examine
-    from itouch.testing.scenario import ModalitySubject
+    from itouch.testing.scenario import ModalityHarness
     from itouch.testing.score_card import Card
     from itouch.testing.suites import MODALITY_CHECKS
 
@@ -152,10 +152,10 @@ def _modality(name: str, path: str | None, catalog: Catalog) -> bool:
     cls = catalog.carrier(name)[1] if name in catalog.carrier_names else catalog.modality(plugin, local)
     if cls is None:
         raise ItouchError(catalog.failure(plugin))
-    subject = ModalitySubject(cls, Path(path) if path else None, name=name)
+    harness = ModalityHarness(cls, Path(path) if path else None, name=name)
     try:
-        subject.seconds  # noqa: B018  (looked for once, and told before the card)
+        harness.seconds  # noqa: B018  (looked for once, and told before the card)
     except NotApplicableError as reason:
         raise ItouchError(f"modality '{name}' can't be examined: {reason}") from reason
     card = Card(f"modality '{name}' {catalog.version(plugin)}", sys.stdout)
-    return card.write(examine(MODALITY_CHECKS, subject))
+    return card.write(examine(MODALITY_CHECKS, harness))
