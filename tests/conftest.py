@@ -65,7 +65,7 @@ LONGEST = (
     "test_progress", "test_faults_in_flight", "test_limits_everywhere", "test_stale_answers", "test_left_after_a_stop",
     "test_live_window", "test_external_control", "test_harm_from_inside", "test_own_guardian", "test_changes_of_hands",
     "test_commands_line", "test_sweeping", "test_hanging_process", "test_command_options", "test_restore",
-    "test_garbage", "test_memory", "test_thermal_drivers", "test_listeners_in_a_stop", "test_irregular_timing",
+    "test_gc_policy", "test_memory", "test_thermal_drivers", "test_listeners_in_a_stop", "test_irregular_timing",
     "test_compiling", "test_shipped", "test_sequence", "test_operator_commands", "test_joined", "test_device_suite",
     "test_from_recordings", "test_reproduce", "test_estimator", "test_layouts",
 )  # fmt: skip

@@ -13,7 +13,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from itouch.garbage import seldom
+from itouch.gc_policy import seldom
 from itouch.moved import MOVED
 
 # Kernels shipped with the program are compiled for one kind of processor, which Numba reads from the environment when

@@ -29,7 +29,7 @@ from inspect import CO_VARARGS
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, cast
 
-from itouch import caches, garbage, platforms, shipped
+from itouch import caches, gc_policy, platforms, shipped
 from itouch.fingerprint import fingerprint, made_of
 
 shipped.choose_processor()
@@ -44,8 +44,8 @@ from numba.extending import intrinsic, register_jitable  # noqa: E402
 from numba.np.arrayobj import populate_array  # noqa: E402
 
 from itouch import numba_shortcuts  # noqa: E402
-from itouch.borrowing import Borrowing, know  # noqa: E402
 from itouch.linking import Linked  # noqa: E402
+from itouch.reference_counting import Borrowing, know  # noqa: E402
 
 Function = TypeVar("Function", bound=Callable[..., object])
 _numba: Any = numba  # what it exports is not typed
@@ -88,11 +88,11 @@ class _UnderWay(event.Listener):
     def on_start(self, event: Any) -> None:
         """Note what begins; compilations may be nested."""
         self.functions.append(_called(event.data["dispatcher"].py_func))
-        garbage.begin_seldom()
+        gc_policy.begin_seldom()
 
     def on_end(self, event: Any) -> None:
         """Forget it, also when compiling has failed."""
-        garbage.end_seldom()
+        gc_policy.end_seldom()
         self.functions.pop()
 
 

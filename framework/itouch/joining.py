@@ -33,8 +33,8 @@ from numba.np.arrayobj import populate_array
 from numba.np.numpy_support import from_dtype
 from numpy.typing import NDArray
 
-from itouch.borrowing import know
 from itouch.compiling import addressed_kernel, nogil_kernel, part_of_its_caller
+from itouch.reference_counting import know
 
 _SIGNATURE = int64(int64)
 #: What a call returns to leave out the remaining calls of its step.

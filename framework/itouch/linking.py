@@ -15,7 +15,7 @@ from typing import Any
 from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
 
-from itouch.borrowing import Borrowing
+from itouch.reference_counting import Borrowing
 
 #: With what the names of the variables begin that hold what a compiled function needs of Python, e.g. for its errors.
 _ENVIRONMENT = "_ZN08NumbaEnv"

@@ -16,7 +16,7 @@ import pytest
 from shipped import SCENES
 from strangers import install
 
-from itouch.ending import LONGEST
+from itouch.process_exit import LONGEST
 
 PLUGIN = """
 import atexit, builtins, ctypes, io, json, logging, os, signal, sys, threading, time, zipfile

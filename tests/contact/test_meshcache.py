@@ -86,7 +86,7 @@ def test_where_it_is_by_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 
 
 def test_a_damaged_entry_is_built_anew(folder: Path) -> None:
-    """Bytes altered, cut or added anywhere: never a fault, never another surface, and mended on disk."""
+    """Bytes altered, cut or added anywhere: never a fault, never another surface, and repaired on disk."""
     first = load_source(BALL)
     (entry,) = entries(folder)
     sound = entry.read_bytes()

@@ -17,7 +17,7 @@ import numpy as np
 
 from itouch.faults import FOREVER, Injection, Kind
 from itouch.joining import runner as as_one_call
-from itouch.loop import interpreter
+from itouch.loop import builtins_guard
 from itouch.loop.clock import Clock, VirtualClock, now
 from itouch.loop.device_runner import DeviceFaultError, Runner, Status
 from itouch.loop.engine_view import Notifications, tell
@@ -356,17 +356,17 @@ class Engine:
                 self.plan.run_timed(tick, ready, stamps)
             else:
                 self.plan.run(tick, ready)
-            if not tick % _SAMPLED and interpreter.changed():
-                raise changed_python(self.model, tick, interpreter.put_back())
+            if not tick % _SAMPLED and builtins_guard.changed():
+                raise changed_python(self.model, tick, builtins_guard.put_back())
             self._end_tick(tick, ready, timed)
         except DeviceFaultError as raised:
-            replaced = interpreter.put_back()  # before anything else: what follows is Python
+            replaced = builtins_guard.put_back()  # before anything else: what follows is Python
             fault = before_touch_off(self.model, self.state, with_writer(self.model, self.state, raised))
             fault = with_replaced(fault, replaced)
             self.make_safe(fault)
             raise fault from raised.__cause__
-        except interpreter.ANY_ERROR as raised:  # Ctrl-C in the middle of it, or an error of the loop's own
-            replaced = interpreter.put_back()
+        except builtins_guard.ANY_ERROR as raised:  # Ctrl-C in the middle of it, or an error of the loop's own
+            replaced = builtins_guard.put_back()
             if self._all:
                 self.make_safe(fault := broken_off(self.model, tick, raised, replaced))
                 if replaced and isinstance(raised, Exception):  # no mistake of the loop's own
@@ -399,8 +399,8 @@ class Engine:
         """Make the next part of the report's entry of a contact that has ended."""
         try:
             self._events.go_on_with_entry()
-        except interpreter.ANY_ERROR as raised:  # Ctrl-C while a modality is asked what it has measured
-            replaced = interpreter.put_back()
+        except builtins_guard.ANY_ERROR as raised:  # Ctrl-C while a modality is asked what it has measured
+            replaced = builtins_guard.put_back()
             if self._all:
                 self.make_safe(broken_off(self.model, tick, raised, replaced))
             raise
@@ -641,8 +641,8 @@ class Engine:
             self._operator.hold.press(self.ticks, False)  # it was held before a pause, in which no ticks have run
         try:
             self._pacing.run(seconds, until, each, every)
-        except interpreter.ANY_ERROR as raised:  # nothing paces the hardware any more
-            replaced = interpreter.put_back()
+        except builtins_guard.ANY_ERROR as raised:  # nothing paces the hardware any more
+            replaced = builtins_guard.put_back()
             if replaced and self.fault is None and self._all and isinstance(raised, Exception):
                 self.make_safe(fault := broken_off(self.model, self.ticks, raised, replaced))
                 raise fault from raised

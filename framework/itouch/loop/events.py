@@ -13,7 +13,7 @@ from typing import NoReturn
 import numpy as np
 
 from itouch.joining import Chain, can_join, is_newest, runner
-from itouch.loop import event_detection, interpreter, probe_steps
+from itouch.loop import builtins_guard, event_detection, probe_steps
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
@@ -181,7 +181,7 @@ class Events:
         raise error
 
     def _fail(self, one: ModalityModel, fence: Fence, method: str, tick: int, error: BaseException) -> NoReturn:
-        replaced = interpreter.put_back()  # first: all else needs Python's functions
+        replaced = builtins_guard.put_back()  # first: all else needs Python's functions
         fence.mend()
         raise with_replaced(modality_fault(self._model, one.instance, method, tick, error), replaced) from error
 

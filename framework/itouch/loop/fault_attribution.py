@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from itouch.loop import interpreter
+from itouch.loop import builtins_guard
 from itouch.loop.touchoff import DONE
 from itouch.plugin import Modality, Record
 from itouch.safety import DeviceFaultError, Trip
@@ -41,7 +41,7 @@ def broken_off(model: Model, tick: int, error: BaseException, replaced: tuple[st
     ``replaced``: names of what a plugin had replaced in Python itself, which was put back.
     """
     notes = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
-    told = interpreter.blamed(replaced)
+    told = builtins_guard.blamed(replaced)
     cause = (
         f"was stopped in the middle of a tick, which ended with {error_text(error)}{notes}{'; ' if told else ''}{told}"
     )
@@ -50,13 +50,13 @@ def broken_off(model: Model, tick: int, error: BaseException, replaced: tuple[st
 
 def changed_python(model: Model, tick: int, replaced: tuple[str, ...]) -> DeviceFaultError:
     """Return the fault of a plugin that has replaced functions of Python itself."""
-    cause = f"was stopped because {interpreter.blamed(replaced)}"
+    cause = f"was stopped because {builtins_guard.blamed(replaced)}"
     return DeviceFaultError(next(iter(model.devices), ""), tick, Trip.MODALITY_ERROR, cause)
 
 
 def with_replaced(fault: DeviceFaultError, replaced: tuple[str, ...]) -> DeviceFaultError:
     """Return a fault that also tells what a plugin had replaced in Python itself, or the same fault if nothing."""
-    told = interpreter.blamed(replaced)
+    told = builtins_guard.blamed(replaced)
     return DeviceFaultError(fault.device, fault.tick, fault.trip, f"{fault.cause}; {told}") if told else fault
 
 

@@ -15,7 +15,7 @@ from itouch.compiling import kernel
 from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
-from itouch.loop.surface import force, ground, plate, surface_memory, taking_over
+from itouch.loop.surface import force, ground, handover, plate, surface_memory
 from itouch.monitors.default_limits import SPEED_NEAR
 from itouch.monitors.surface_kernels import pace
 
@@ -176,8 +176,8 @@ def carried(
     height, top = figures[render.HIP + 2] - c[render.RADIUS] - away, plate.top(c, table)
     figures[render.PLATE_TOP] = height if height > top + plate.ROUNDING else top
     figures[render.PLATE_GAP] = gap[0]
-    taking_over.miss(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
-    taking_over.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
+    handover.miss(c, figures, kept, missed[0], pressed, touching, tick[0] * period)
+    handover.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
     plate.move(c, kept, before, figures[render.PLATE_TOP])
     plate.stray(figures, carrier.sent, table)
     plate.spare(c, figures, kept, carrier.goal, pressed, yields[0])

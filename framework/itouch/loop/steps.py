@@ -14,7 +14,7 @@ import numpy as np
 
 from itouch.contact.stated_contact import GREATEST, NO_SUCH_OBJECT, NOT_A_NORMAL, NOT_A_RESULT
 from itouch.joining import is_newest
-from itouch.loop import interpreter, probe_steps
+from itouch.loop import builtins_guard, probe_steps
 from itouch.loop.device_runner import Runner
 from itouch.loop.events import Events
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
@@ -32,7 +32,7 @@ from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.schema.plugin_errors import failing
 from itouch.twin.skin_under_devices import Skin
 from itouch.world import DeviceModel, ModalityModel, Model
-from itouch.world.answers import texts_of
+from itouch.world.class_queries import texts_of
 
 #: Fields of a device that a trip changes, besides what is sent to it.
 _TRIPPED = ("status", "trip", "tripped", "ramp")
@@ -272,7 +272,7 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[F
             fail(method, error, tick)
 
     def fail(method: str, error: BaseException, tick: int) -> NoReturn:
-        replaced = interpreter.put_back()  # first: all else needs it
+        replaced = builtins_guard.put_back()  # first: all else needs it
         mended(around)
         raise with_replaced(modality_fault(model, one.instance, method, tick, error), replaced) from error
 

@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 
-from itouch.garbage import seldom_for_good
+from itouch.gc_policy import seldom_for_good
 from itouch.platforms import Ended, Memory, signals
 from itouch.recording.chunking import MOST_ROWS, SPEC, ChunkBuilder
 from itouch.recording.ring import ControlWord, Phase, Ring, Shape

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import MISSING, dataclass, field, replace
 from typing import Any
 
-from itouch.scene.doubts import Named
 from itouch.scene.elements import PluginPart
 from itouch.scene.extensions import Extensions, missing_part
 from itouch.scene.names import Names, name_of
 from itouch.scene.places import Places
 from itouch.scene.source import Attribute, Node
+from itouch.scene.uncertain_parts import Named
 from itouch.scene.values import ValueProblemError, parse_value
 from itouch.schema.diagnostics import ItouchError, Place, Problem, did_you_mean, meant, nearest
 from itouch.schema.fields import PLUGIN_NAMESPACE, ParameterError, Spec, constraint, default_of, specs, tag_of, xml_name

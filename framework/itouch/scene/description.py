@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from itouch.scene.doubts import NO_DOUBTS, Doubts
 from itouch.scene.elements import (
     VERSION,
     DeviceElement,
@@ -21,6 +20,7 @@ from itouch.scene.elements import (
     WorldElement,
 )
 from itouch.scene.places import Places
+from itouch.scene.uncertain_parts import NOTHING_UNCERTAIN, UncertainParts
 from itouch.schema.notebook_display import Shown
 
 
@@ -69,7 +69,7 @@ class Scene(Shown):
     files: Mapping[str, bytes] | None = field(default=None, compare=False, repr=False, hash=False)
     places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)
     #: Of a scene with problems, what other checks must not count on.
-    doubts: Doubts = field(default=NO_DOUBTS, compare=False, repr=False, hash=False)
+    uncertain: UncertainParts = field(default=NOTHING_UNCERTAIN, compare=False, repr=False, hash=False)
 
     @property
     def objects(self) -> tuple[Any, ...]:

@@ -11,12 +11,12 @@ from itouch.scene import elements, rigs
 from itouch.scene.binding import Binder
 from itouch.scene.description import ReplacedRig, Scene
 from itouch.scene.documents import Document, DocumentReader
-from itouch.scene.doubts import Doubts, Named
 from itouch.scene.edits import Edit, apply_edits
 from itouch.scene.extensions import Extensions
 from itouch.scene.names import Names, name_of
 from itouch.scene.places import Places
 from itouch.scene.source import Node
+from itouch.scene.uncertain_parts import Named, UncertainParts
 from itouch.schema.diagnostics import Place, Problem, SceneError, did_you_mean
 from itouch.schema.fields import tag_of
 
@@ -286,8 +286,10 @@ class _Assembly:
         self.problems += wrong
         circles = _mount_cycles(scene)
         self.problems += circles.values()
-        doubts = Doubts(self._unsound(circles), not self.incomplete, tuple(self.remnants), frozenset(self.wanted))
-        return replace(scene, doubts=doubts)
+        uncertain = UncertainParts(
+            self._unsound(circles), not self.incomplete, tuple(self.remnants), frozenset(self.wanted)
+        )
+        return replace(scene, uncertain=uncertain)
 
     def _unsound(self, circles: Iterable[str]) -> frozenset[Named]:
         """Return kind and name of what other checks must not count on; ``circles``: devices mounted on themselves."""

@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from itouch.scene.doubts import Named
 from itouch.scene.source import Attribute, Node
+from itouch.scene.uncertain_parts import Named
 from itouch.schema.diagnostics import Adviser, Place, Problem, meant
 
 _KINDS = {"material": "material", "device": "device", "probe": "probe"}

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import PurePath
 from types import FrameType, TracebackType
 
-from itouch import ending
+from itouch import process_exit
 from itouch.schema.diagnostics import ItouchError, Place, Problem, SceneError, class_of, raised_at, spoken
 
 #: The core's own folder: what it raises for a plugin is put down to the plugin's line that called it.
@@ -43,7 +43,7 @@ def _where(raised: TracebackType | None) -> str:
     What Python's own modules and NumPy raise is put down to the line that calls them.
     """
     frames = [(frame.f_code.co_filename, line, _package(frame)) for frame, line in traceback.walk_tb(raised)]
-    frames = [one for one in frames if one[0] != ending.__file__]
+    frames = [one for one in frames if one[0] != process_exit.__file__]
     frames = [one for one in frames if not _is_core(one[0])] or frames
     frames = [one for one in frames if one[2] not in _LIBRARIES] or frames
     return f" ({PurePath(frames[-1][0]).name}, line {frames[-1][1]})" if frames else ""

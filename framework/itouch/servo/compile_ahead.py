@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from itouch.garbage import seldom_for_good
+from itouch.gc_policy import seldom_for_good
 from itouch.servo.parent_process import end_with
 
 

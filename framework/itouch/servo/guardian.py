@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from itouch.garbage import seldom_for_good
+from itouch.gc_policy import seldom_for_good
 from itouch.servo import control_block as at
 from itouch.servo import realtime, twin_protocol
 from itouch.servo.guardian_link import OWN

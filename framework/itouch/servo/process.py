@@ -16,9 +16,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from itouch.ending import end_in_order, end_soon
-from itouch.garbage import seldom_for_good
+from itouch.gc_policy import seldom_for_good
 from itouch.platforms import lives, signals
+from itouch.process_exit import end_in_order, end_soon
 from itouch.servo import control_block as at
 from itouch.servo.launcher_pipe import Outbox, messages
 from itouch.servo.parent_process import LOOK, end_with

@@ -8,10 +8,10 @@ import os
 import time
 from typing import Any
 
-from itouch.loop import DeviceFaultError, LatchedError, WallClock, interpreter
+from itouch.loop import DeviceFaultError, LatchedError, WallClock, builtins_guard
+from itouch.loop.builtins_guard import LoadedModules
 from itouch.loop.device_runner import Status
 from itouch.loop.fault_attribution import changed_python, ended_by
-from itouch.loop.interpreter import LoadedModules
 from itouch.loop.release import in_turn
 from itouch.platforms import hardware_refused, lives
 from itouch.plugin import Role
@@ -158,10 +158,10 @@ class Servo:
             self._run()
             error = self._failure
         except BaseException as raised:
-            interpreter.put_back()
+            builtins_guard.put_back()
             error = ended_by(self.session.fault, raised)
             let_go(raised)
-        interpreter.put_back()
+        builtins_guard.put_back()
         harmed = modules.put_back()
         if harmed and error is None and self.session.runners:
             error = changed_python(self.session.model, self.session.ticks, harmed)

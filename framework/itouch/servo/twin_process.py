@@ -11,7 +11,7 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 
-from itouch.garbage import seldom_for_good
+from itouch.gc_policy import seldom_for_good
 from itouch.servo.parent_process import end_with
 
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 
-from itouch.garbage import seldom
+from itouch.gc_policy import seldom
 from itouch.loop import Clock
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog

@@ -268,7 +268,7 @@ def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = N
         for record in records:
             if record.device != device.name or record.twin != bool(device.twin):
                 continue
-            if ("device", device.name) in scene.doubts.unsound:  # what the record is put into is not what was meant
+            if ("device", device.name) in scene.uncertain.unsound:  # what the record is put into is not what was meant
                 continue
             try:
                 changed = _with(changed, record)
@@ -316,7 +316,7 @@ def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
                     sentence = f"device '{device.name}' has no calibration '{record.kind}' ({path.name})"
                     advice = did_you_mean(record.kind, kinds, "it has") or "remove the record"
                     yield Problem("calibration-stale", sentence, scene.places.of(device), advice)
-            elif not scene.doubts.whole or _doubted(record.device, scene):
+            elif not scene.uncertain.whole or _doubted(record.device, scene):
                 continue  # it may be there once the scene is right
             elif path == home_of(scene) or meant(record.device, known):
                 sentence = (
@@ -329,7 +329,7 @@ def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
 
 def _doubted(name: str, scene: Scene) -> bool:
     """Tell whether a device that is not in a scene may be one with a problem, as its name."""
-    return not {("device", name), ("device", ""), ("", name)}.isdisjoint(scene.doubts.unsound)
+    return not {("device", name), ("device", ""), ("", name)}.isdisjoint(scene.uncertain.unsound)
 
 
 def _with(device: Any, record: CalibrationRecord) -> Any:

@@ -29,7 +29,7 @@ from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import default_of, specs, xml_name
 from itouch.schema.plugin_errors import ReturnedError, failing, failure, gathering
-from itouch.world.answers import texts_of
+from itouch.world.class_queries import texts_of
 from itouch.world.presented_surfaces import check_alone, check_carried, check_touched
 from itouch.world.rig import DeviceModel, skins_of
 from itouch.world.scene_files import SceneFiles

@@ -16,11 +16,12 @@ from itouch.plugin import Role, WorldSurface, poses
 from itouch.plugin.bases import keeping_anyhow
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
-from itouch.scene.doubts import Named
 from itouch.scene.elements import Operator, Probe
 from itouch.scene.loader import in_file_order
+from itouch.scene.uncertain_parts import Named
 from itouch.schema import Place, Problem, SceneError
 from itouch.world.bindings import blind, check_bindings, check_fingers, check_reach, check_writers
+from itouch.world.independent_parts import doubtful_of, independent_parts, new
 from itouch.world.limits import check_safety
 from itouch.world.modalities import ModalityModel, build_modalities, notices_of, ordered
 from itouch.world.motion_tables import NO_MOTIONS, Motions, build_motions
@@ -32,7 +33,6 @@ from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.scene_files import SceneFile, SceneFiles
 from itouch.world.skin_source import unfelt
-from itouch.world.standing import doubtful_of, new, standing
 from itouch.world.surfaces import build_effects, build_friction, check_effects, contact_of, read_textures
 from itouch.world.virtual_coupling import Coupling, couplings, on_bodies, relied, stable_effects
 
@@ -197,8 +197,8 @@ def survey(scene: Scene, catalog: Catalog, known: Iterable[Problem] = ()) -> Sur
     has problems already, warnings.
     """
     errors = [problem for problem in known if problem.severity == "error"]
-    rest = standing(scene)
-    whole = rest is scene and scene.doubts.whole
+    rest = independent_parts(scene)
+    whole = rest is scene and scene.uncertain.whole
     part: Model | None = None
     if whole and not errors:
         with keeping_anyhow():
@@ -238,8 +238,8 @@ def _of_pieces(scene: Scene, catalog: Catalog) -> list[Problem]:
         devices = build_devices(fit, catalog, problems, reader)
         built = build_shapes(scene, reader, problems)
         read_textures(scene, reader, problems)
-        sure = tuple(probe for probe in scene.probes if ("probe", probe.name) not in scene.doubts.unsound)
-        check_effects(replace(scene, probes=sure, materials=(*scene.materials, *scene.doubts.remnants)), problems)
+        sure = tuple(probe for probe in scene.probes if ("probe", probe.name) not in scene.uncertain.unsound)
+        check_effects(replace(scene, probes=sure, materials=(*scene.materials, *scene.uncertain.remnants)), problems)
         build_motions(scene, _poses(scene, problems), built.shapes, devices, reader, problems, built.failed)
         ordered(scene, problems)
     return problems

@@ -162,7 +162,7 @@ def _path(
     """Return the pieces of one object's script."""
     motion = element.motion
     if bool(motion.file) == bool(motion.keys):
-        if ("object", element.name) not in scene.doubts.unsound:  # else one may be there that could not be read
+        if ("object", element.name) not in scene.uncertain.unsound:  # else one may be there that could not be read
             sentence = f"the motion of '{element.name}' needs either a file or <to> elements"
             problems.append(Problem("one-of", sentence, scene.places.of(motion)))
         return []
@@ -220,7 +220,7 @@ def _turn(a: Floats, b: Floats) -> tuple[float, ...]:
 
 
 def _check_closed(scene: Scene, element: Any, path: list[tuple[float, ...]], problems: list[Problem]) -> None:
-    if not element.motion.repeat or ("object", element.name) in scene.doubts.unsound:
+    if not element.motion.repeat or ("object", element.name) in scene.uncertain.unsound:
         return
     first, last = np.array(path[0]), np.array(path[-1])
     end = last[at.PIECE_FROM : at.PIECE_WAY] + last[at.PIECE_WAY : at.PIECE_QUATERNION]

@@ -21,7 +21,7 @@ from itouch.schema.diagnostics import did_you_mean, meant
 from itouch.schema.fields import REQUIRED, default_of, specs, xml_name
 from itouch.schema.plugin_errors import ReturnedError, error_text, failing, failure, gathering
 from itouch.schema.quantities import QuantityError, parse_quantity
-from itouch.world import answers
+from itouch.world import class_queries
 from itouch.world.limits import DeviceLimits, resolve
 from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, with_safe_values
 from itouch.world.scene_files import SceneFiles
@@ -74,13 +74,13 @@ class DeviceModel:
         if not self.twin:
             return 0.0
         with failing(f"device '{self.name}'", "duration", self.place):
-            return answers.duration_of(self.cls, self.bound)
+            return class_queries.duration_of(self.cls, self.bound)
 
     @property
     def face(self) -> tuple[float, float] | None:
         """The half extents [m] of the face at its origin that a finger can touch, or None."""
         with failing(f"device '{self.name}'", "face", self.place):
-            return answers.face_of(self.cls, self.params)
+            return class_queries.face_of(self.cls, self.params)
 
     @property
     def late(self) -> bool:
@@ -96,12 +96,12 @@ class DeviceModel:
     @property
     def wires(self) -> tuple[str, ...]:
         """The wires that no other device may use while this one is open; none for a twin, or without commands."""
-        return () if self.twin or not self.commands else answers.wires_of(self.cls, self.params)
+        return () if self.twin or not self.commands else class_queries.wires_of(self.cls, self.params)
 
     def missing(self) -> str:
         """Return why it cannot be opened, or in what its plugin fails when it is asked; empty: nothing is known."""
         try:
-            return answers.missing_of(self.cls, self.bound)
+            return class_queries.missing_of(self.cls, self.bound)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
@@ -228,9 +228,9 @@ def _build(
         return None
     place = scene.places.of(element)
     with failing(f"device '{element.name}'", "channels", place):
-        reads, commands = answers.channels_of(cls, params)
+        reads, commands = class_queries.channels_of(cls, params)
     with failing(f"device '{element.name}'", "its declarations", place):
-        answers.check_numbers(cls, params)
+        class_queries.check_numbers(cls, params)
     for channel in (*reads, *commands):
         if SIZES.get(channel.role, channel.size) != channel.size:
             sentence = (
@@ -390,7 +390,7 @@ def _bound(
     """Return the parameters as the plugin binds them to the files that they name; None if these cannot be used."""
     try:
         bound = cls.bind(params, reader.read)
-        answers.bound_of(cls, bound)
+        class_queries.bound_of(cls, bound)
         return bound
     except ReturnedError as error:
         place = scene.places.of(params) or scene.places.of(element)

@@ -56,7 +56,7 @@ def read_textures(scene: Scene, reader: SceneFiles, problems: list[Problem]) -> 
 
 def check_effects(scene: Scene, problems: list[Problem]) -> None:
     """Check the effects of all materials that are used, be it by an element with a problem, without making them."""
-    used = {element.material for element in scene.objects} | {name for _, name in scene.doubts.wanted}
+    used = {element.material for element in scene.objects} | {name for _, name in scene.uncertain.wanted}
     for material in scene.materials:
         if material.name in used:
             _check(scene, material, problems)
@@ -117,7 +117,7 @@ def _check(scene: Scene, material: elements.Material, problems: list[Problem]) -
     """Find vibrations too fast for the loop, magnets that reach beyond a probe's ``near``, and too many layers."""
     buzz, magnet = material.vibration, material.magnetic
     # of a material with a problem there may be layers that could not be read
-    fewest = 0 if ("material", material.name) in scene.doubts.unsound else 1
+    fewest = 0 if ("material", material.name) in scene.uncertain.unsound else 1
     if material.softness is not None and not fewest <= len(material.softness.layers) <= MAX_LAYERS:
         sentence = f"<softness> has {len(material.softness.layers)} layers; 1 to {MAX_LAYERS} are possible"
         problems.append(Problem("out-of-range", sentence, scene.places.of(material.softness)))

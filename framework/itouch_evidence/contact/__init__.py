@@ -58,7 +58,7 @@ def _works(options: argparse.Namespace) -> Iterator[tuple[Work, str]]:
 
 
 def _read(options: argparse.Namespace) -> tuple[Floats, Ints]:
-    """Return the triangles of a mesh file, mended as in a scene; print how long it takes with and without the cache.
+    """Return the triangles of a mesh file, repaired as in a scene; print how long it takes with and without the cache.
 
     Raises
     ------

@@ -14,8 +14,8 @@ from importlib import import_module
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from itouch.ending import AT_ONCE
-from itouch.garbage import seldom_for_good
+from itouch.gc_policy import seldom_for_good
+from itouch.process_exit import AT_ONCE
 
 if TYPE_CHECKING:
     from itouch.plugin.discovery import Found
@@ -137,7 +137,7 @@ def _main(argv: Sequence[str] | None) -> int:
         print(error, file=sys.stderr)
         return 2
     if argv is None:
-        from itouch.ending import refuse_sudden_ends
+        from itouch.process_exit import refuse_sudden_ends
 
         refuse_sudden_ends()
     with command_options.speaking(common), escaped():

@@ -146,7 +146,7 @@ def _run(
     session: Session, options: argparse.Namespace, show: Callable[[], None], stop: Stopping
 ) -> tuple[int, ItouchError | None]:
     """Run to the end; return the exit code, and the error if what the run keeps could not be finished."""
-    from itouch.loop import DeviceFaultError, interpreter
+    from itouch.loop import DeviceFaultError, builtins_guard
     from itouch.loop.fault_attribution import changed_python, ended_by
 
     if number := stop.unstarted:  # what was raised then has been dropped on its way
@@ -154,7 +154,7 @@ def _run(
         raise Interrupted(number)
     stop.bind(session.stop)
     fault: BaseException | None = None
-    modules = interpreter.LoadedModules()
+    modules = builtins_guard.LoadedModules()
     harmed: tuple[str, ...] = ()
     try:
         if options.duration is None and not session.scripted:
@@ -170,7 +170,7 @@ def _run(
             session.close()
             raise
     finally:
-        interpreter.put_back()
+        builtins_guard.put_back()
         harmed = modules.put_back()
     if harmed and fault is None and session.runners:
         fault = changed_python(session.model, session.ticks, harmed)

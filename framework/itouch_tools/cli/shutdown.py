@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, ParamSpec
 
-from itouch import ending
+from itouch import process_exit
 from itouch.platforms import signals
 from itouch.schema import ItouchError
 from itouch.schema.terminal import PlainStream
@@ -46,10 +46,10 @@ def end_threads(code: int) -> None:
 
     Everything is safe and written by then; the interpreter would wait for every thread that is no daemon, for ever.
     """
-    for what in ending.refused:
+    for what in process_exit.refused:
         with contextlib.suppress(OSError, ValueError):
             print(f"note: {what}", file=sys.stderr)
-    ending.end_soon(code)
+    process_exit.end_soon(code)
     due = time.monotonic() + _PATIENCE
     left = [thread for thread in threading.enumerate() if thread is not threading.current_thread()]
     pool = getattr(sys.modules.get("concurrent.futures.thread"), "_threads_queues", ())  # the interpreter ends these
@@ -58,7 +58,7 @@ def end_threads(code: int) -> None:
         thread.join(max(0.0, due - time.monotonic()))
     names = [f"'{thread.name}'" for thread in left if thread.is_alive()]
     if not names:
-        ending.end_in_order(code)
+        process_exit.end_in_order(code)
     verb = "threads still run" if len(names) > 1 else "thread still runs"
     with contextlib.suppress(OSError, ValueError):
         print(
@@ -69,7 +69,7 @@ def end_threads(code: int) -> None:
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
-    ending.end_now(code)
+    process_exit.end_now(code)
 
 
 def code_of(number: int) -> int:
@@ -132,7 +132,7 @@ class Stopping:
             self._stop()
             return
         before, now = self._raised, time.monotonic()
-        if now - before >= ending.AT_ONCE:  # else it would break off what the one before has begun: the report
+        if now - before >= process_exit.AT_ONCE:  # else it would break off what the one before has begun: the report
             self._raised = now
             raise Interrupted(number)
 

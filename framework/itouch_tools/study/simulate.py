@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from itouch import ending
+from itouch import process_exit
 from itouch.plugin.discovery import Catalog
 from itouch.schema import SceneError
 from itouch.schema.terminal import number_of
@@ -180,7 +180,7 @@ def _end_with(parent: Connection) -> None:
     def wait() -> None:
         with contextlib.suppress(OSError, EOFError):
             parent.poll(None)
-        ending.end_now(1)  # each trial is committed whole
+        process_exit.end_now(1)  # each trial is committed whole
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: the parent has it, too
     threading.Thread(target=wait, name="itouch-parent", daemon=True).start()

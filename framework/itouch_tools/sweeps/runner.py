@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from itouch.garbage import seldom_for_good
+from itouch.gc_policy import seldom_for_good
 
 _PR_SET_PDEATHSIG = 1
 

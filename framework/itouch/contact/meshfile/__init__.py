@@ -1,4 +1,4 @@
-"""Mesh files: read within bounds, checked, mended, and cached."""
+"""Mesh files: read within bounds, checked, repaired, and cached."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from itouch.moved import renamed
 if TYPE_CHECKING:
     from itouch.contact.meshfile.faults import MeshError, MeshFinding
     from itouch.contact.meshfile.load import LoadedMesh, load_mesh, load_source
-    from itouch.contact.meshfile.mend import MeshFacts
     from itouch.contact.meshfile.mesh_bytes import KINDS, MeshFile, read_mesh_file
+    from itouch.contact.meshfile.repair import MeshFacts
 
 #: Public name -> the module that has it, imported on first access: a scene without meshes starts without all this.
 _HOMES = {
@@ -19,7 +19,7 @@ _HOMES = {
     "MeshFinding": "faults",
     "LoadedMesh": "load",
     "MeshError": "faults",
-    "MeshFacts": "mend",
+    "MeshFacts": "repair",
     "MeshFile": "mesh_bytes",
     "load_mesh": "load",
     "load_source": "load",

@@ -7,7 +7,7 @@ else can write to it or to its folder.
 
 Whatever an entry holds, what is made of it can be searched: its hierarchy is a tree that the searches' stack is deep
 enough for, with each triangle in one leaf and inside the boxes above it. That the vertices are those of the mesh file
-rests on who may write entries: to compare them, the file would have to be parsed and mended, which takes longer than
+rests on who may write entries: to compare them, the file would have to be parsed and repaired, which takes longer than
 the rest of the building, and so they are only held against the number of triangles and the bounding box.
 """
 
@@ -33,7 +33,7 @@ import numpy as np
 from itouch import caches
 from itouch.contact import bvh
 from itouch.contact.mesh_surface import Surface, checked_vertices
-from itouch.contact.meshfile.mend import MeshFacts
+from itouch.contact.meshfile.repair import MeshFacts
 from itouch.contact.meshfile.size_limits import MAX_VERTICES
 from itouch.contact.scratch import Mesh as Tables
 from itouch.contact.stored import can_be_searched

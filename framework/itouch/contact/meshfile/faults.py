@@ -19,7 +19,7 @@ class MeshError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class MeshFinding:
-    """What a mesh's user should know: what was mended (a note), or what may not be as intended (a warning)."""
+    """What a mesh's user should know: what was repaired (a note), or what may not be as intended (a warning)."""
 
     code: str
     sentence: str

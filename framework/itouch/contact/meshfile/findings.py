@@ -1,4 +1,4 @@
-"""Findings of a mesh file as sentences: what was mended, and what may not be as intended, such as its unit."""
+"""Findings of a mesh file as sentences: what was repaired, and what may not be as intended, such as its unit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.contact.meshfile.faults import MeshError, MeshFinding
-from itouch.contact.meshfile.mend import MeshFacts
+from itouch.contact.meshfile.repair import MeshFacts
 
 #: Usual extents of what a finger touches [m]; a mesh outside them was probably meant in another unit.
 SMALLEST, GREATEST = 1e-3, 10.0
@@ -40,7 +40,7 @@ def findings(facts: MeshFacts, shown: str, *, sides: str | None, scaled: bool = 
     Parameters
     ----------
     facts
-        Facts of the mended mesh.
+        Facts of the repaired mesh.
     shown
         The file's name.
     sides

@@ -1,4 +1,4 @@
-"""From a mesh file to a surface that can be touched: read, checked, mended, and cached."""
+"""From a mesh file to a surface that can be touched: read, checked, repaired, and cached."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from itouch.contact.mesh_surface import Surface
 from itouch.contact.meshfile import cache
 from itouch.contact.meshfile.faults import MeshError, MeshFinding
 from itouch.contact.meshfile.findings import check_size, findings
-from itouch.contact.meshfile.mend import MeshFacts, check_finite, mended
 from itouch.contact.meshfile.mesh_bytes import MeshFile, read_mesh_file
 from itouch.contact.meshfile.parse import parse
+from itouch.contact.meshfile.repair import MeshFacts, check_finite, repaired
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class LoadedMesh:
     surface
         The surface to be touched, in metres.
     facts
-        What was found and mended, in numbers.
+        What was found and repaired, in numbers.
     findings
         What the user should know of it.
     cached
@@ -115,5 +115,5 @@ def _built(source: MeshFile, scale: float) -> tuple[Surface, MeshFacts]:
     check_finite(given, triangles.faces, source.file)
     used = given[triangles.faces]
     check_size(used.min(axis=(0, 1)), used.max(axis=(0, 1)), source.file)
-    vertices, faces, facts = mended(given, triangles.faces, source.file, left_out=triangles.left_out)
+    vertices, faces, facts = repaired(given, triangles.faces, source.file, left_out=triangles.left_out)
     return Surface(vertices, faces), facts

@@ -30,6 +30,7 @@ from itouch.loop.render import (
     TABLE,
 )
 from itouch.loop.surface.ground import along_plate
+from itouch.loop.surface.handover import LED
 from itouch.loop.surface.plate import CLEAR_OF
 from itouch.loop.surface.surface_memory import (
     CHANGING,
@@ -53,7 +54,6 @@ from itouch.loop.surface.surface_memory import (
     VIRTUAL,
     WANTED,
 )
-from itouch.loop.surface.taking_over import LED
 from itouch.plugin.carried_surfaces import ABOUT, HAND_OVER, LEFT, TOUCH
 from itouch.twin.frame_rotation import turned_in, turned_out
 

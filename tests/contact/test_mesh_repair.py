@@ -1,4 +1,4 @@
-"""What is mended in a mesh, what is only told, and that mends change nothing that can be felt."""
+"""What is repaired in a mesh, what is only told, and that repairs change nothing that can be felt."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from meshfiles import obj, off, ply, stl
 from probing import Floats, box_mesh, grid, winding
 
 from itouch.contact.meshfile import LoadedMesh, MeshError, MeshFile, MeshFinding, load_source
-from itouch.contact.meshfile.mend import mended
+from itouch.contact.meshfile.repair import repaired
 from itouch_evidence.contact.contact_workload import icosphere
 
 BALL = icosphere(2, 0.05)
@@ -37,7 +37,7 @@ def joined(*parts: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
 
 
 def test_a_sound_mesh_is_left_as_it_is() -> None:
-    vertices, faces, facts = mended(BALL[0], BALL[1].astype(np.int64), "a.ply")
+    vertices, faces, facts = repaired(BALL[0], BALL[1].astype(np.int64), "a.ply")
     np.testing.assert_array_equal(vertices, BALL[0])
     np.testing.assert_array_equal(faces, BALL[1])
     assert (facts.edges, facts.open_edges, facts.closed_parts, facts.overlapping) == (480, 0, 1, 0)
@@ -245,7 +245,7 @@ def test_too_large_is_refused_even_with_a_scale() -> None:
 @given(st.integers(0, 2**31), st.floats(1e-3, 10.0))
 @settings(max_examples=20, deadline=None)
 def test_mends_leave_the_shape_where_it_is(seed: int, size: float) -> None:
-    """A surface with every fault that is mended feels like the sound one, in any format."""
+    """A surface with every fault that is repaired feels like the sound one, in any format."""
     rng = np.random.default_rng(seed)
     vertices, faces = BALL[0] / 0.1 * size, BALL[1].astype(np.int64)
     q, _ = np.linalg.qr(rng.normal(size=(3, 3)))

@@ -1,4 +1,4 @@
-"""Mends of a mesh that leave its shape unchanged: duplicates, opened seams, triangles without area, wrong winding."""
+"""Repairs of a mesh that leave its shape unchanged: duplicates, opened seams, triangles without area, wrong winding."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(
 
 @dataclass(frozen=True, slots=True)
 class MeshFacts:
-    """What was found in a mesh and what was mended, in numbers; lengths in metres.
+    """What was found in a mesh and what was repaired, in numbers; lengths in metres.
 
     Attributes
     ----------
@@ -95,8 +95,8 @@ def check_finite(vertices: Floats, faces: Ints, shown: str) -> None:
         raise MeshError("mesh-not-finite", f"'{shown}': {what}", advice)
 
 
-def mended(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> tuple[Floats, Ints, MeshFacts]:
-    """Return the mesh, mended where that is possible, and the facts found.
+def repaired(vertices: Floats, faces: Ints, shown: str, *, left_out: int = 0) -> tuple[Floats, Ints, MeshFacts]:
+    """Return the mesh, repaired where that is possible, and the facts found.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a device class answers when it is asked about itself: checked once, before anything relies on it."""
+"""Queries of a device class about itself: what it answers is checked once, before anything relies on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functions of Python itself that code in this process has replaced: noticed, put back, and named.
+"""The guard of Python's own functions: which of them code in this process has replaced, noticed, put back and named.
 
 The safe sequence is Python.  A plugin that has replaced ``len`` would stop it halfway; so before it is carried out,
 everything is put back as it was when this module was loaded, which is before any plugin is.

@@ -1,4 +1,4 @@
-"""How seldom garbage is looked for while a program starts or compiles: nearly all that is made then is still in use.
+"""How seldom the garbage collector runs while a program starts or compiles: nearly all that is made then is in use.
 
 Modules, machine code and what describes a scene come to some hundred thousand objects that stay.  Python looks through
 them again and again while they are made: a sixth of a start, and a good part of a first one, which compiles.

@@ -11,7 +11,7 @@ import pytest
 from shipped import SCENES
 
 import itouch
-from itouch import garbage
+from itouch import gc_policy
 
 USUAL = (600, 9, 8)
 
@@ -25,38 +25,38 @@ def usual() -> Generator[None]:
 
 
 def test_the_last_that_ends_brings_back_what_was_before_the_first_that_began() -> None:
-    with garbage.seldom():
+    with gc_policy.seldom():
         begun, end = threading.Event(), threading.Event()
 
         def other() -> None:
-            with garbage.seldom():
+            with gc_policy.seldom():
                 begun.set()
                 end.wait(60)
 
         thread = threading.Thread(target=other)
         thread.start()
         assert begun.wait(60)
-    assert gc.get_threshold() == garbage.MEANWHILE  # the other one is still at it
+    assert gc.get_threshold() == gc_policy.MEANWHILE  # the other one is still at it
     end.set()
     thread.join()
     assert gc.get_threshold() == USUAL
 
 
 def test_a_process_of_its_own_looks_as_often_as_one_pass_may_take_and_more_seldom_while_it_builds() -> None:
-    garbage.seldom_for_good()
-    assert gc.get_threshold() == garbage.SELDOM
-    with garbage.seldom():
-        assert gc.get_threshold() == garbage.MEANWHILE > garbage.SELDOM
-    assert gc.get_threshold() == garbage.SELDOM
+    gc_policy.seldom_for_good()
+    assert gc.get_threshold() == gc_policy.SELDOM
+    with gc_policy.seldom():
+        assert gc.get_threshold() == gc_policy.MEANWHILE > gc_policy.SELDOM
+    assert gc.get_threshold() == gc_policy.SELDOM
 
 
 def test_who_looks_more_seldom_or_not_at_all_goes_on_so() -> None:
     gc.set_threshold(900_000, 3, 100)
-    with garbage.seldom():
-        assert gc.get_threshold() == (900_000, *garbage.MEANWHILE[1:])
+    with gc_policy.seldom():
+        assert gc.get_threshold() == (900_000, *gc_policy.MEANWHILE[1:])
     assert gc.get_threshold() == (900_000, 3, 100)
     gc.set_threshold(0)
-    with pytest.raises(KeyError), garbage.seldom():
+    with pytest.raises(KeyError), gc_policy.seldom():
         assert gc.get_threshold()[0] == 0
         raise KeyError
     assert gc.get_threshold()[0] == 0
@@ -76,7 +76,7 @@ def test_building_a_session_looks_seldom_and_leaves_it_as_it_was(
     monkeypatch.setattr("itouch.session.session.survey", look)
     with pytest.raises(ValueError):
         itouch.build(SCENES / "materials.xml")
-    assert seen == [garbage.MEANWHILE]
+    assert seen == [gc_policy.MEANWHILE]
     assert gc.get_threshold() == USUAL
     with pytest.raises(SessionError):
         itouch.restore(tmp_path / "none.itouch")

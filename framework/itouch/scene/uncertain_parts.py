@@ -11,7 +11,7 @@ Named = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Doubts:
+class UncertainParts:
     """What other checks must not count on.
 
     Attributes
@@ -33,4 +33,4 @@ class Doubts:
     wanted: frozenset[Named] = frozenset()
 
 
-NO_DOUBTS = Doubts()
+NOTHING_UNCERTAIN = UncertainParts()

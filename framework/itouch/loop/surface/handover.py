@@ -1,4 +1,4 @@
-"""What the framework remembers of what a modality says of its surface: who renders the contact, and what is missed."""
+"""Handover of a contact between arm and plate, by what a modality says of its surface; what it misses is remembered."""
 
 from __future__ import annotations
 

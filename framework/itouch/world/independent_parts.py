@@ -1,4 +1,4 @@
-"""What stands by itself in a scene with problems: all that neither has one nor needs what has one."""
+"""The independent parts of a scene with problems: all that neither has one nor needs what has one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from itouch.scene import Scene
-from itouch.scene.doubts import Named
+from itouch.scene.uncertain_parts import Named
 from itouch.schema import Problem
 from itouch.schema.fields import specs
 
@@ -16,7 +16,7 @@ RATES: Named = ("section", "rates")
 _OF_RATES = ("rate", "out-of-range")
 
 
-def standing(scene: Scene) -> Scene:
+def independent_parts(scene: Scene) -> Scene:
     """Return the scene without what has a problem of its own, and without all that needs it, directly or not.
 
     What is found wrong in the rest is no consequence of what has been told.  A scene without any is returned whole.
@@ -56,10 +56,10 @@ def new(problem: Problem, known: Sequence[Problem], doubtful: Collection[Named])
 
 def doubtful_of(scene: Scene, there: Collection[Named]) -> frozenset[Named]:
     """Return kind and name of what is not as it was meant where only what is ``there`` could be compiled."""
-    found = {(kind, name) for kind, name in (*scene.doubts.unsound, *_named(scene)) if kind != "material"}
-    if not scene.doubts.whole and scene.places.of(scene.rates) is None:
+    found = {(kind, name) for kind, name in (*scene.uncertain.unsound, *_named(scene)) if kind != "material"}
+    if not scene.uncertain.whole and scene.places.of(scene.rates) is None:
         found.add(RATES)
-    return frozenset(found - (set(there) - scene.doubts.unsound))
+    return frozenset(found - (set(there) - scene.uncertain.unsound))
 
 
 def _lost(scene: Scene, wants: dict[int, set[Named]]) -> set[Named]:
@@ -68,7 +68,7 @@ def _lost(scene: Scene, wants: dict[int, set[Named]]) -> set[Named]:
     for kind, one in _elements(scene):
         for wanted in wants[id(one)]:
             needing.setdefault(wanted, []).extend(_own(kind, one))
-    ahead = [*scene.doubts.unsound, *(needing.keys() - _named(scene))]
+    ahead = [*scene.uncertain.unsound, *(needing.keys() - _named(scene))]
     lost = set(ahead)
     while ahead:
         more = [one for one in needing.get(ahead.pop(), ()) if one not in lost]

@@ -12,9 +12,9 @@ from needed import meant
 from numba.core.runtime import _nrt_python, rtsys
 
 from contact_heat.lanes import scratch as contact_scratch
-from itouch.borrowing import Borrowing
 from itouch.compiling import ALONE, kernel, linked, scratch
 from itouch.joining import can_join
+from itouch.reference_counting import Borrowing
 
 
 class Pair(NamedTuple):

@@ -1,4 +1,4 @@
-"""How a program of ours ends: when its work is done, with its own exit code, and within some seconds after that.
+"""The exit of a process of ours: when its work is done, with its own exit code, and within some seconds after that.
 
 Plugins run in the process.  Their code may try to end the program at once, which would look like an orderly end; and
 it may leave behind what never ends: threads, functions registered with ``atexit``, locks that those wait for.
