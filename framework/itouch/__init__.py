@@ -13,7 +13,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from itouch.gc_policy import seldom
+from itouch.gc_policy import rare_collections
 from itouch.moved import MOVED
 
 # Kernels shipped with the program are compiled for one kind of processor, which Numba reads from the environment when
@@ -103,7 +103,7 @@ def __getattr__(name: str) -> Any:
     if home is None:
         raise AttributeError(f"module 'itouch' has no attribute '{name}'")
     module, _, attribute = home.partition(":")
-    with seldom():
+    with rare_collections():
         return getattr(import_module(module), attribute or name)
 
 

@@ -79,7 +79,7 @@ _claimed: dict[str, str] = {}
 
 
 class _UnderWay(event.Listener):
-    """Knows what is being compiled, and lets garbage be looked for seldom meanwhile.  One thread compiles at a time."""
+    """Knows what is being compiled; the garbage collector runs rarely meanwhile.  One thread compiles at a time."""
 
     def __init__(self) -> None:
         #: The functions that are being compiled now, the one that all others are for first.
@@ -88,11 +88,11 @@ class _UnderWay(event.Listener):
     def on_start(self, event: Any) -> None:
         """Note what begins; compilations may be nested."""
         self.functions.append(_called(event.data["dispatcher"].py_func))
-        gc_policy.begin_seldom()
+        gc_policy.begin_rare_collections()
 
     def on_end(self, event: Any) -> None:
         """Forget it, also when compiling has failed."""
-        gc_policy.end_seldom()
+        gc_policy.end_rare_collections()
         self.functions.pop()
 
 
@@ -278,7 +278,7 @@ def _locks(file: int) -> bool:
     return True
 
 
-class _Nowhere(_CacheLocator):
+class _NoCache(_CacheLocator):
     """The locator of last resort: nothing is cached, as neither the program's folder nor the user's can be written."""
 
     def __init__(self, line: int) -> None:
@@ -297,7 +297,7 @@ class _Nowhere(_CacheLocator):
         return str(self._line)
 
     @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> _Nowhere:
+    def from_function(cls, py_func: Any, py_file: str) -> _NoCache:
         """Return the locator of a function; it never declines."""
         return cls(py_func.__code__.co_firstlineno)
 
@@ -340,7 +340,7 @@ def _is_usable() -> bool:
 
 
 class _Impl(CompileResultCacheImpl):
-    _locator_classes: list[Any] = [_Shared, *CompileResultCacheImpl._locator_classes, _Nowhere]
+    _locator_classes: list[Any] = [_Shared, *CompileResultCacheImpl._locator_classes, _NoCache]
 
 
 class _Store(IndexDataCacheFile):
@@ -511,7 +511,7 @@ class KernelCache(FunctionCache):
         return self._impl.rebuild(target_context, store.load(key))
 
     def _save_overload(self, sig: Any, data: Any) -> None:
-        if not isinstance(self._impl.locator, _Nowhere):
+        if not isinstance(self._impl.locator, _NoCache):
             of_numba: Any = super()._save_overload
             self._kept()
             with contextlib.suppress(Exception):  # the old cache can be neither read nor removed: go on without it

@@ -1,4 +1,4 @@
-"""How seldom the garbage collector runs while a program starts or compiles: nearly all that is made then is in use.
+"""How rarely the garbage collector runs while a program starts or compiles: nearly all that is made then is in use.
 
 Modules, machine code and what describes a scene come to some hundred thousand objects that stay.  Python looks through
 them again and again while they are made: a sixth of a start, and a good part of a first one, which compiles.
@@ -21,8 +21,8 @@ _depth = 0
 _before = gc.get_threshold()
 
 
-def begin_seldom() -> None:
-    """Raise the thresholds until ``end_seldom`` has been called as often; collection that is switched off stays off."""
+def begin_rare_collections() -> None:
+    """Raise the thresholds until `end_rare_collections` has been called as often; a collector that is off stays off."""
     global _depth, _before
     with _lock:
         if _depth == 0:
@@ -31,7 +31,7 @@ def begin_seldom() -> None:
         _depth += 1
 
 
-def end_seldom() -> None:
+def end_rare_collections() -> None:
     """Restore the thresholds where this is the last one that was begun."""
     global _depth
     with _lock:
@@ -41,16 +41,16 @@ def end_seldom() -> None:
 
 
 @contextmanager
-def seldom() -> Generator[None]:
+def rare_collections() -> Generator[None]:
     """Raise the thresholds within, also where several threads do so, or one does so in turn."""
-    begin_seldom()
+    begin_rare_collections()
     try:
         yield
     finally:
-        end_seldom()
+        end_rare_collections()
 
 
-def seldom_for_good() -> None:
+def keep_collections_rare() -> None:
     """Raise the thresholds, for a process that is this program's alone."""
     _raise(SELDOM)
 

@@ -21,7 +21,7 @@ from itouch.joining import runner
 from itouch.loop.clock import now, processor_time
 from itouch.loop.plan import Plan
 from itouch.loop.tick_step import Step
-from itouch.loop.write_access import Fence
+from itouch.loop.write_access import WriteGuard
 from itouch.plugin import Contact
 from itouch.plugin.commands import exit_code, judged
 from itouch.plugin.discovery import Catalog
@@ -158,7 +158,7 @@ def cost_of_a_split(session: Session, ticks: int) -> float:
 
 def cost_of_a_fence(session: Session, ticks: int) -> float:
     """Return the cost [s] of remembering and comparing State round a modality: the median of a call of both."""
-    fence = Fence([], session.state)
+    fence = WriteGuard([], session.state)
     calls = runner((fence.keep, fence.look))
     found = np.empty(ticks)
     for i in range(ticks):

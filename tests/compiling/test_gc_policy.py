@@ -1,4 +1,4 @@
-"""Garbage is looked for seldom while a program starts or compiles, and as often as before afterwards."""
+"""The garbage collector runs rarely while a program starts or compiles, and as often as before afterwards."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def usual() -> Generator[None]:
 
 
 def test_the_last_that_ends_brings_back_what_was_before_the_first_that_began() -> None:
-    with gc_policy.seldom():
+    with gc_policy.rare_collections():
         begun, end = threading.Event(), threading.Event()
 
         def other() -> None:
-            with gc_policy.seldom():
+            with gc_policy.rare_collections():
                 begun.set()
                 end.wait(60)
 
@@ -43,20 +43,20 @@ def test_the_last_that_ends_brings_back_what_was_before_the_first_that_began() -
 
 
 def test_a_process_of_its_own_looks_as_often_as_one_pass_may_take_and_more_seldom_while_it_builds() -> None:
-    gc_policy.seldom_for_good()
+    gc_policy.keep_collections_rare()
     assert gc.get_threshold() == gc_policy.SELDOM
-    with gc_policy.seldom():
+    with gc_policy.rare_collections():
         assert gc.get_threshold() == gc_policy.MEANWHILE > gc_policy.SELDOM
     assert gc.get_threshold() == gc_policy.SELDOM
 
 
 def test_who_looks_more_seldom_or_not_at_all_goes_on_so() -> None:
     gc.set_threshold(900_000, 3, 100)
-    with gc_policy.seldom():
+    with gc_policy.rare_collections():
         assert gc.get_threshold() == (900_000, *gc_policy.MEANWHILE[1:])
     assert gc.get_threshold() == (900_000, 3, 100)
     gc.set_threshold(0)
-    with pytest.raises(KeyError), gc_policy.seldom():
+    with pytest.raises(KeyError), gc_policy.rare_collections():
         assert gc.get_threshold()[0] == 0
         raise KeyError
     assert gc.get_threshold()[0] == 0

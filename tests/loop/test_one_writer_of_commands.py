@@ -13,7 +13,7 @@ import pytest
 from test_failing_plugins import Hum, engine
 
 import itouch
-from itouch.loop.write_access import Fence, Fences, mended
+from itouch.loop.write_access import WriteGuard, WriteGuards, mended
 from itouch.plugin import Field, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 
@@ -147,7 +147,7 @@ def test_a_fence_sees_each_byte_that_is_not_a_modalitys_own(odd: bool) -> None:
     """It looks at the whole of State, for compiled code may write anywhere; and it leaves alone what is its own."""
     fields = [Field("a", "f8", 5), Field("hum.x"), Field("b", "i8", 7), Field("c"), Field("hum.y", "f8", 2), Field("d")]
     state = Record.of([*fields, *([Field("e", "u1", 3)] if odd else [])])
-    around = Fence([SimpleNamespace(name="hum", commands=(), fields=("x", "y"))], state)
+    around = WriteGuard([SimpleNamespace(name="hum", commands=(), fields=("x", "y"))], state)
     own = [(state.dtype.fields[name][1], state[name].nbytes) for name in ("hum.x", "hum.y")]
     state.raw.view(np.uint8)[:] = np.random.default_rng(3).integers(0, 256, state.nbytes)
     around.take()
@@ -166,13 +166,13 @@ def test_a_fence_sees_each_byte_that_is_not_a_modalitys_own(odd: bool) -> None:
 NAMES = ("a", "lift.x", "b", "table.command.pose", "c", "hum.y", "plate.command.current", "d")
 
 
-def fenced() -> tuple[Record, Fences]:
+def fenced() -> tuple[Record, WriteGuards]:
     """Return a State with the fence round a carrier and a modality, between which the framework writes two fields."""
     state = Record.of([Field(name, "i8", 200 if name == "c" else 2) for name in NAMES])
     state.raw.view(np.uint8)[:] = np.random.default_rng(3).integers(0, 256, state.nbytes)
     lift = SimpleNamespace(name="lift", commands=("table.pose",), fields=("x",))
     hum = SimpleNamespace(name="hum", commands=("plate.current",), fields=("y",))
-    return state, Fences([lift], [hum], ["b", "table.command.pose"], state)
+    return state, WriteGuards([lift], [hum], ["b", "table.command.pose"], state)
 
 
 @pytest.mark.parametrize("name", NAMES)

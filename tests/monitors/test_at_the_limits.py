@@ -279,7 +279,7 @@ def test_what_counts_as_the_wrong_side_of_the_sink(drive: float, kelvin: float, 
     runaway, memory = drifting()
     memory["odd_for"] = 3.0
     assert (
-        runaway_kernels.odd(runaway.trust, runaway.memory(memory), kelvin, 300.0, drive, Look(0.0, 0.0, 0.5, touched))
+        runaway_kernels.odd(runaway.checks, runaway.memory(memory), kelvin, 300.0, drive, Look(0.0, 0.0, 0.5, touched))
         == 0.0
     )
     assert memory["odd_for"].item() == (3.5 if counts else 0.0)
@@ -289,10 +289,11 @@ def test_ten_seconds_on_the_wrong_side_are_let_pass() -> None:
     runaway, memory = drifting()
     memory["odd_for"] = 9.5
     assert (
-        runaway_kernels.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False)) == 0.0
+        runaway_kernels.odd(runaway.checks, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False))
+        == 0.0
     )
     assert (
-        runaway_kernels.odd(runaway.trust, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False))
+        runaway_kernels.odd(runaway.checks, runaway.memory(memory), 315.0, 300.0, 0.3, Look(0.0, 0.0, 0.5, False))
         == -Trip.SENSOR_DISAGREE
     )
     assert memory["figure2"].tolist() == [15.0, 10.5]
@@ -307,7 +308,7 @@ def test_how_long_a_sensor_may_read_the_same() -> None:
         for index, drive in enumerate(drives):
             found.append(
                 runaway_kernels.still(
-                    runaway.trust, runaway.memory(memory), 300.0, drive, Look(0.0, seconds * (index + 1), 0.0, True)
+                    runaway.checks, runaway.memory(memory), 300.0, drive, Look(0.0, seconds * (index + 1), 0.0, True)
                 )
             )
         return found
@@ -326,10 +327,10 @@ def test_a_sensor_that_is_driven_by_just_a_fiftieth_may_be_still() -> None:
     runaway, memory = drifting()
     memory["frozen"], memory["frozen_at"], memory["frozen_for"] = 300.0, 1.0, 1.5
     memory["frozen_drive"], memory["frozen_from"] = 0.04, 0.3
-    assert runaway_kernels.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 1.5, 0.0, True)) == 0.0
+    assert runaway_kernels.still(runaway.checks, runaway.memory(memory), 300.0, 0.3, Look(0.0, 1.5, 0.0, True)) == 0.0
     memory["frozen_for"], memory["frozen_drive"] = 1.5, beyond(0.04)
     assert (
-        runaway_kernels.still(runaway.trust, runaway.memory(memory), 300.0, 0.3, Look(0.0, 2.0, 0.0, True))
+        runaway_kernels.still(runaway.checks, runaway.memory(memory), 300.0, 0.3, Look(0.0, 2.0, 0.0, True))
         == -Trip.SENSOR_FROZEN
     )
 
@@ -344,8 +345,8 @@ def test_when_a_moving_plate_seems_to_have_stopped(slope: float, drive: float, s
     runaway, memory = drifting()
     memory["frozen_slope"] = slope
     kept = runaway.memory(memory)
-    assert runaway_kernels.stopped(runaway.trust, kept, drive, same) is stopped
-    assert not runaway_kernels.stopped(Runaway(follows=False).trust, kept, drive, same)
+    assert runaway_kernels.stopped(runaway.checks, kept, drive, same) is stopped
+    assert not runaway_kernels.stopped(Runaway(follows=False).checks, kept, drive, same)
 
 
 @pytest.mark.parametrize(
@@ -363,8 +364,8 @@ def test_a_fast_plate_does_not_stop_whatever_drives_it(slope: float, same: float
     watch, memory = drifting()
     memory["frozen_slope"] = slope
     kept = watch.memory(memory)
-    assert runaway_kernels.stopped(watch.trust, kept, 0.0, same) is stopped
-    holds = Runaway(follows=False).trust  # it may stop at its target, and a kelvin round it
+    assert runaway_kernels.stopped(watch.checks, kept, 0.0, same) is stopped
+    holds = Runaway(follows=False).checks  # it may stop at its target, and a kelvin round it
     assert not runaway_kernels.stopped(holds, kept, 0.1, same)
     assert runaway_kernels.stopped(holds, kept, 0.11, same) is stopped
     assert runaway_kernels.stopped(holds, kept, -0.11, same) is stopped
@@ -378,7 +379,7 @@ def test_a_plate_may_go_against_its_drive_by_two_kelvin() -> None:
     ):  # fmt: skip
         memory["touched_at"] = now
         look = Look(now, 0.0, 0.5, True)
-        assert runaway_kernels.against(runaway.trust, runaway.memory(memory), kelvin, drive, look) == found, now
+        assert runaway_kernels.against(runaway.checks, runaway.memory(memory), kelvin, drive, look) == found, now
     assert memory["figure2"].tolist() == [pytest.approx(2.001), 0.0]
 
 
@@ -392,7 +393,7 @@ def test_a_strong_drive_must_show_within_two_seconds(change: float, alone: float
     memory["driven_for"] = RUNAWAY_TIME - 1e-9 - 0.25
     memory["parts"][:] = -math.inf
     memory["parts"][95 % PARTS] = 9.5, 300.0, 300.0 + change
-    found = runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, 0.7, Look(10.0, 0.0, 0.25, True))
+    found = runaway_kernels.against(runaway.checks, runaway.memory(memory), 300.0, 0.7, Look(10.0, 0.0, 0.25, True))
     assert found == (-float(Trip.RUNAWAY) if trips else 0.0)
     assert not trips or memory["figure2"].tolist() == [0.0, pytest.approx(2.0)]
 
@@ -401,15 +402,15 @@ def test_what_drove_one_way_and_turns_round_begins_anew() -> None:
     runaway, memory = drifting()
     memory["driven_for"] = 1.0
     assert (
-        runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.0, 0.0, 0.25, True)) == 0.0
+        runaway_kernels.against(runaway.checks, runaway.memory(memory), 300.0, -0.8, Look(5.0, 0.0, 0.25, True)) == 0.0
     )
     assert memory["driven_for"].item() == 0.0
     assert (
-        runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, -0.8, Look(5.25, 0.0, 0.25, True)) == 0.0
+        runaway_kernels.against(runaway.checks, runaway.memory(memory), 300.0, -0.8, Look(5.25, 0.0, 0.25, True)) == 0.0
     )
     assert memory["driven_for"].item() == -0.25
     assert (
-        runaway_kernels.against(runaway.trust, runaway.memory(memory), 300.0, -0.5, Look(5.5, 0.0, 0.25, True)) == 0.0
+        runaway_kernels.against(runaway.checks, runaway.memory(memory), 300.0, -0.5, Look(5.5, 0.0, 0.25, True)) == 0.0
     )
     assert memory["driven_for"].item() == 0.0
 
@@ -1067,7 +1068,7 @@ def test_a_drive_that_changes_forgets_how_fast_the_plate_went() -> None:
     watch.forget(memory)
     for step, drive in enumerate((0.8, 0.8, 0.8, 0.8, 0.2)):
         look = Look(0.1 * step, 0.1 * step, 0.1, True)
-        runaway_kernels.check(watch.trust, watch.memory(memory), 300.0 + 0.1 * step, 300.0, drive, look, True)
+        runaway_kernels.check(watch.checks, watch.memory(memory), 300.0 + 0.1 * step, 300.0, drive, look, True)
         assert (memory["frozen_slope"].item() > 0.0) is (1 < step < 4 or step == 1)
 
 

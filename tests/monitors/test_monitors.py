@@ -188,7 +188,7 @@ def test_a_panel_without_a_surface_has_none() -> None:
     panel.count_contact(1, True)
     panel.put_back()
     panel.mend()
-    assert panel.sane()
+    assert panel.usable()
     assert not panel.withdrawn
     assert panel.spent() == ""
 
@@ -198,7 +198,7 @@ def test_a_panel_without_monitors_lets_a_device_be_silent() -> None:
     panel = Supervised(one, state(one), PERIOD).gate.device_monitors
     panel.reset()
     panel.wait(1, 1e9)
-    assert panel.sane()
+    assert panel.usable()
 
 
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 1024.0, 3000.0, 4000.0, 7777.0])

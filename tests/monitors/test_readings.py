@@ -198,7 +198,7 @@ def test_a_quaternion_is_a_rotation(turn: tuple[float, ...], believed: bool) -> 
     watch = watched((measured_wrench(), pose()))
     watch.reading["pose"][3:] = turn
     found, length = trip_of(watch), math.dist(turn, (0.0,) * 4)
-    assert readings_of(watch).sane(watch.reading) == believed
+    assert readings_of(watch).usable(watch.reading) == believed
     if believed:
         assert found is None
     else:
@@ -313,7 +313,7 @@ def test_what_can_be_worked_with_though_it_may_trip(
     watch = watched([channel])
     for value in good:
         watch.reading[channel.name][-1] = value
-        assert readings_of(watch).sane(watch.reading)
+        assert readings_of(watch).usable(watch.reading)
     for value in bad:
         watch.reading[channel.name][-1] = value
-        assert not readings_of(watch).sane(watch.reading)
+        assert not readings_of(watch).usable(watch.reading)

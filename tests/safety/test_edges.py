@@ -161,9 +161,9 @@ def test_a_history_looks_back_through_a_full_ring() -> None:
 def test_a_reading_at_the_edge_of_sense_can_be_worked_with() -> None:
     readings = of(Readings, PLATE)
     reading = record(PLATE[0])
-    for kelvin, sane in ((263.15, True), (353.15, True), (263.14, False), (353.16, False), (math.nan, False)):
+    for kelvin, usable in ((263.15, True), (353.15, True), (263.14, False), (353.16, False), (math.nan, False)):
         reading["plate_temperature"], reading["sink_temperature"], reading["heat_flux"] = kelvin, 300.0, 0.0
-        assert readings.sane(reading) is sane  # type: ignore[attr-defined]
+        assert readings.usable(reading) is usable  # type: ignore[attr-defined]
 
 
 def test_no_monitors_turn_is_before_a_reading_has_come() -> None:

@@ -9,7 +9,7 @@ import pytest
 from itouch.plugin.discovery import Catalog
 from itouch.scene.loader import read_scene
 from itouch.schema import diagnostics
-from itouch.schema.diagnostics import Adviser, Place, Problem
+from itouch.schema.diagnostics import Place, Problem, Suggestions
 from itouch_evidence import bench_check as bench
 
 _SCENE = '<itouch version="1.0"><materials>{}</materials><world temperature="23 °C">{}</world></itouch>'
@@ -57,9 +57,9 @@ def test_what_is_known_is_compared_with_so_many_words_only(monkeypatch: pytest.M
         return ""
 
     monkeypatch.setattr(diagnostics, "nearest", nearest)
-    monkeypatch.setattr(Adviser, "ENOUGH", 40)
-    adviser = Adviser(["wood", "foam"], "there are")
-    advised = [adviser.advise(f"w{i}") for i in range(100)]
+    monkeypatch.setattr(Suggestions, "ENOUGH", 40)
+    suggestions = Suggestions(["wood", "foam"], "there are")
+    advised = [suggestions.advise(f"w{i}") for i in range(100)]
     assert len(compared) == 13 and advised[0] == "there are: 'foam', 'wood'" and advised[13:] == [""] * 87
 
 

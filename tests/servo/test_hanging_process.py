@@ -16,7 +16,7 @@ import itouch
 from itouch.servo import control_block as at
 from itouch.servo import guardian as guardian_of
 from itouch.servo.error_transport import let_go
-from itouch.servo.guardian import COMES_TO, ORPHAN_TIME, SILENCE, SILENCE_ALONE, Guardian, LastWords, Process
+from itouch.servo.guardian import COMES_TO, ORPHAN_TIME, SILENCE, SILENCE_ALONE, GracePeriod, Guardian, Process
 from itouch.servo.shared_memory import monotonic
 from itouch_evidence.deaths.observer import Observer
 from itouch_tools.cli.doctor.touch_scene import scene
@@ -113,24 +113,24 @@ def _stat(letter: str, used: float, flags: int = 0) -> str:
 def test_a_silent_process_has_its_time_by_what_it_gets_of_a_processor() -> None:
     now = [0.0]
 
-    def over(words: LastWords, letter: str, used: float, at: float, flags: int = 0) -> bool:
+    def over(grace: GracePeriod, letter: str, used: float, at: float, flags: int = 0) -> bool:
         now[0] = at
-        return words.over(Process.of(_stat(letter, used, flags)))
+        return grace.over(Process.of(_stat(letter, used, flags)))
 
-    slow = LastWords(lambda: now[0])
+    slow = GracePeriod(lambda: now[0])
     assert [over(slow, "R", 3.0 + 0.1 * at, at) for at in (0.0, 4.0, 9.9)] == [False, False, False]
     assert over(slow, "R", 4.0, 10.1)  # the most that anybody gets
     now[0] = 0.0
-    busy = LastWords(lambda: now[0])
+    busy = GracePeriod(lambda: now[0])
     assert not over(busy, "R", 3.0, 0.0) and not over(busy, "R", 3.9, 0.9)
     assert over(busy, "R", 4.1, 1.1)
     now[0] = 0.0
-    waiting = LastWords(lambda: now[0])
+    waiting = GracePeriod(lambda: now[0])
     assert not over(waiting, "S", 3.0, 0.0) and not over(waiting, "S", 3.0, 0.4)
     assert over(waiting, "S", 3.0, 0.6)
     now[0] = 0.0
     for letter, flags in (("T", 0), ("Z", 0), ("R", 0x4)):
-        assert over(LastWords(lambda: now[0]), letter, 3.0, 0.0, flags)
+        assert over(GracePeriod(lambda: now[0]), letter, 3.0, 0.0, flags)
 
 
 def test_an_error_without_memory_gives_back_what_its_frames_hold() -> None:

@@ -140,7 +140,7 @@ def test_decisions_that_err_are_sentences(
     from test_study import Hands as Touches
     from test_study import written
 
-    monkeypatch.setattr(simulation, "Toucher", Touches)
+    monkeypatch.setattr(simulation, "TouchRunner", Touches)
     study = written(tmp_path, task='kind="colder" factor="material" standard="wood"')
     words = ["study", "simulate", str(study), "-o", str(tmp_path / "rows"), "--observers", "1", "--processes", "1"]
     assert main([*words, "--model", name]) == 2
@@ -152,7 +152,7 @@ def test_a_whole_study_is_answered_by_one(installed: None, tmp_path: Path, monke
     from test_study import Hands as Touches
     from test_study import written
 
-    monkeypatch.setattr(simulation, "Toucher", Touches)
+    monkeypatch.setattr(simulation, "TouchRunner", Touches)
     study = written(tmp_path, more='<order repetitions="2"/>')
     words = ["study", "simulate", str(study), "-o", str(tmp_path / "rows"), "--observers", "2", "--processes", "1"]
     assert main([*words, "--model", "peak"]) == 0

@@ -116,7 +116,7 @@ def test_observers_answer_it_as_the_plugin_says(
 
     from itouch_tools.study import simulate as simulation
 
-    monkeypatch.setattr(simulation, "Toucher", Touches)
+    monkeypatch.setattr(simulation, "TouchRunner", Touches)
     path = written(tmp_path, more='<order repetitions="2"/>')
     level = path.read_text().split('levels="')[1].split()[0].strip('"')
     text = path.read_text()
@@ -138,7 +138,7 @@ def test_numbers_that_a_task_asks_for_are_in_the_report(
 
     from itouch_tools.study import simulate as simulation
 
-    monkeypatch.setattr(simulation, "Toucher", Touches)
+    monkeypatch.setattr(simulation, "TouchRunner", Touches)
     path = str(written(tmp_path, task='kind="loud" factor="material"', more='<order repetitions="2"/>'))
     folder = tmp_path / "rows"
     assert main(["study", "simulate", path, "-o", str(folder), "--observers", "2", "--processes", "1"]) == 0

@@ -24,7 +24,7 @@ from itouch_tools.study.reading import load_study
 from itouch_tools.study.rig_session import each_level_once
 from itouch_tools.study.scene_switching import SceneSwitcher
 from itouch_tools.study.study_store import Row, Store
-from itouch_tools.study.touches import Toucher
+from itouch_tools.study.touches import TouchRunner
 
 ANSWERS = "wood\nsteel\ncork\n"
 
@@ -108,7 +108,7 @@ def test_all_materials_have_the_same_state_so_that_hardware_can_be_recorded(stud
     """State had as many numbers as the modes of the object that was touched: hardware needed --no-record."""
     catalog = Catalog()
     file = load_study(SCENES / "studies" / f"{study}.xml", catalog)
-    models = [Toucher(file, catalog).model(condition) for condition in each_level_once(file)]
+    models = [TouchRunner(file, catalog).model(condition) for condition in each_level_once(file)]
     assert len(models) > 1 and len({len(model.modalities) for model in models}) == 1
     assert len({make_state(model).dtype for model in models}) == 1
 

@@ -83,7 +83,7 @@ def test_an_up_down_staircase_whose_trials_run_out_has_a_threshold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Twelve reversals do not come within 40 small steps from far above: of 200 people 147 had no threshold."""
-    monkeypatch.setattr(simulation, "Toucher", Hands)
+    monkeypatch.setattr(simulation, "TouchRunner", Hands)
     factor = (
         '<staircase name="gain" procedure="up-down" set="wood/contact.static-friction" low="0" high="2" start="1.4" '
         'standard="0" step="0.06" trials="40"/>'

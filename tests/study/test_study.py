@@ -23,7 +23,7 @@ from itouch_tools.study.progression import Course
 from itouch_tools.study.reading import StudyFile, load_study, read_study
 from itouch_tools.study.study_page import page
 from itouch_tools.study.study_store import Row, Store
-from itouch_tools.study.touches import Presented, Toucher, TouchError, deep_temperature
+from itouch_tools.study.touches import Presented, TouchError, TouchRunner, deep_temperature
 from itouch_tools.study.trials import trials_of
 
 CATALOG = Catalog()
@@ -184,7 +184,7 @@ class Hands:
 
 @pytest.fixture
 def hands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation, "Toucher", Hands)
+    monkeypatch.setattr(simulation, "TouchRunner", Hands)
 
 
 def simulated(file: StudyFile, folder: Path, codes: int = 3, *, stop_after: int = 10**9) -> list[Row]:
@@ -599,13 +599,13 @@ def test_the_standard_beside_itself_has_no_right_answer(tmp_path: Path, hands: N
     assert page(result, {})
 
 
-def sampled(folder: Path, arm: str = '<device name="arm" plugin="usb-arm"/>') -> Toucher:
+def sampled(folder: Path, arm: str = '<device name="arm" plugin="usb-arm"/>') -> TouchRunner:
     """Make touches of the shipped panel, whose scene has no hand of its own."""
     shutil.copytree(SCENES, folder / "scenes", dirs_exist_ok=True)
     scene, rig = folder / "scenes" / "study_sample.xml", folder / "scenes" / "rigs" / "twin.xml"
     scene.write_text(re.sub("<operator.*</operator>", "", scene.read_text(), flags=re.S))
     rig.write_text(re.sub('<device name="arm".*?</device>', arm, rig.read_text(), count=1, flags=re.S))
-    return Toucher(load_study(folder / "scenes" / "studies" / "four_materials.xml", CATALOG), CATALOG)
+    return TouchRunner(load_study(folder / "scenes" / "studies" / "four_materials.xml", CATALOG), CATALOG)
 
 
 def test_a_touch_ends_though_a_recorded_hand_is_over_before_the_rig_has_found_its_heights(tmp_path: Path) -> None:

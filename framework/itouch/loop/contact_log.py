@@ -16,7 +16,7 @@ from itouch.loop.device_runner import Runner
 from itouch.loop.event_detection import BEGIN
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.surface.surface_memory import MISSED, RENDERS, SETTLED, WITHDRAWN
-from itouch.loop.touch import Toucher
+from itouch.loop.touch import ContactStep
 from itouch.plugin import Bound, HeardContact, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.twin.finger_coupling import Coupling
@@ -136,23 +136,23 @@ class ContactLog:
     def __init__(
         self,
         model: Model,
-        toucher: Toucher,
+        contact_step: ContactStep,
         table: Runner | None,
         coupling: Coupling,
         state: Record,
         statistics: RunStatistics,
     ) -> None:
-        self._model, self._toucher, self._table = model, toucher, table
+        self._model, self._contact_step, self._table = model, contact_step, table
         self._coupling, self._statistics = coupling, statistics
-        name = toucher.probe.name
+        name = contact_step.probe.name
         self._now = self.kept(state, WriteProtectedRecord(state, ()))
         entry = self._now.entry
-        figures = toucher.figures
+        figures = contact_step.figures
         known = coupling.true_top if table is not None and table.model.twin else figures[render.PLATE_TOP :][:1]
         #: Follows the open contact; called at the end of each tick.
         now = _OpenContact(
-            toucher.current, coupling.total, coupling.touched, known, toucher.plate, state[f"{name}.plate_force"],
-            figures, toucher.surface,
+            contact_step.current, coupling.total, coupling.touched, known, contact_step.plate,
+            state[f"{name}.plate_force"], figures, contact_step.surface,
         )  # fmt: skip
         self.note = Bound(_note, now, entry, statistics.worst_height)
         self.note.warm_up()
@@ -166,8 +166,8 @@ class ContactLog:
 
     def begins(self, event: HeardContact) -> Bound:
         """Return the call that begins an entry if ``event``, whose numbers are written later, is a BEGIN."""
-        toucher, touched = self._toucher, self._coupling.touched
-        return Bound(_begin, self._now.entry, toucher.plate, touched, toucher.figures, self._top, event)
+        contact_step, touched = self._contact_step, self._coupling.touched
+        return Bound(_begin, self._now.entry, contact_step.plate, touched, contact_step.figures, self._top, event)
 
     def end(self, tick: int) -> None:
         """End the entry of the open contact."""
@@ -186,13 +186,13 @@ class ContactLog:
 
     def kept(self, state: Record, seen: Record) -> EntryInputs:
         """Return what an entry is made of, from a record like State; ``seen`` is its write-protected view."""
-        name = self._toucher.probe.name
+        name = self._contact_step.probe.name
         numbers = np.asarray(state)[[f"{name}.contact.{field}" for field in _Entry._fields]]
         return EntryInputs(_Entry.of(state, name), numbers, seen)
 
     def _slid(self, met: float) -> bool:
         """Tell whether the finger met the plate, at ``met`` [s], before this contact: it slid from object to object."""
-        name = self._toucher.probe.name
+        name = self._contact_step.probe.name
         for before in reversed(self._statistics.closed):
             if before["probe"] == name:
                 return before["end_s"] is not None and bool(met < before["end_s"] - 0.5 * self._model.period)
@@ -201,7 +201,7 @@ class ContactLog:
     @property
     def open(self) -> bool:
         """Whether a contact is open."""
-        return int(self._toucher.current) >= 0
+        return int(self._contact_step.current) >= 0
 
     def entry(self, end: int | None) -> dict[str, Any]:
         """Return the report's entry of the open contact, which ends at a tick or, if that is None, is still open."""
@@ -212,7 +212,7 @@ class ContactLog:
 
     def _own(self, end: int | None, kept: EntryInputs) -> dict[str, Any]:
         """Return the framework's part of an entry; what modalities measure is null."""
-        name, period = self._toucher.probe.name, self._model.period
+        name, period = self._contact_step.probe.name, self._model.period
         index, begin, plate, ticks, missed, gap, force, depth, area, speed, physical = kept.numbers.item()
         carried = self._table is not None
         led = physical >= 0 and plate and not self._slid(physical * period)

@@ -78,7 +78,7 @@ class Engine:
             self._runners[name].lifecycle.blind = why
         self._all = list(self._runners.values())
         self._twins = [runner for runner in self._all if runner.gate.device is None]
-        self._objects = Objects(model, self.state, self._runners, [rig.toucher for rig in self._rigs])
+        self._objects = Objects(model, self.state, self._runners, [rig.contact_step for rig in self._rigs])
         self._hands = [rig.coupling.hand for rig in self._rigs if rig.coupling.hand is not None]
         #: Length of the longest motion of an operator twin [s], 0: none; and whether anything follows a script.
         self._length = max((device.duration for device in model.devices.values()), default=0.0)
@@ -276,7 +276,7 @@ class Engine:
         """Begin anew from where hardware is, which may have moved since the last tick; ``always``: also on twins."""
         if always or any(not device.twin for device in self.model.devices.values()):
             for rig in self._rigs:
-                rig.toucher.settle()
+                rig.contact_step.settle()
 
     def _tell_outside(self, reason: str) -> None:
         for listener in tuple(self.on.outside):

@@ -17,7 +17,7 @@ from itouch.loop import builtins_guard, event_detection, probe_steps
 from itouch.loop.fault_attribution import foreign_write, modality_fault, with_replaced
 from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
-from itouch.loop.write_access import Fence
+from itouch.loop.write_access import WriteGuard
 from itouch.plugin import Bound, Contact, HeardContact, Record
 from itouch.plugin.bound import bound_by
 from itouch.plugin.write_protection import WriteProtectedRecord
@@ -34,7 +34,7 @@ class _Listener:
     """A modality that hears of contacts: by a compiled call between those of its fence, or in Python."""
 
     def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record, event: HeardContact) -> None:
-        self.one, self.view, self.fence = one, view, Fence([one], state)
+        self.one, self.view, self.fence = one, view, WriteGuard([one], state)
         self.kinds = frozenset(int(kind) for kind in one.instance.hears)
         bound: tuple[Bound, ...] = ()
         if self.kinds and self._joins():
@@ -59,9 +59,12 @@ class _Probe:
     """A probe with the calls that find and deliver its contact events."""
 
     def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact, ended: event_detection.Ended) -> None:
-        self.rig, arguments = rig, rig.toucher.happens(moves, event)
+        self.rig, arguments = rig, rig.contact_step.happens(moves, event)
         self.next = Bound(event_detection.next_told, *arguments, ended)
-        self.begins, self.ends = rig.log.begins(event), Bound(event_detection.close, event, rig.toucher.current, ended)
+        self.begins, self.ends = (
+            rig.log.begins(event),
+            Bound(event_detection.close, event, rig.contact_step.current, ended),
+        )
         #: What finds the next event, and what begins an entry of the log, as called from Python.
         self.find, self.begin = runner((Bound(event_detection.happens, *arguments),)), runner((self.begins,))
         #: Where the chain that delivers an event has stopped, shape (1,).
@@ -97,12 +100,12 @@ class Events:
         #: Makes the entry of the contact that ended last, a part at a time; None: it is not begun, or is complete.
         self.making: Iterator[bool] | None = None
         statistics.settle = self.settle
-        self._around: Fence | None = None
+        self._around: WriteGuard | None = None
         self._carriers: list[ModalityModel] = []
         #: One call per probe; the first one at which something is left to Python stops the tick with its number.
         self.bounds: tuple[Bound, ...] = ()
 
-    def join(self, around: Fence | None, carriers: list[ModalityModel]) -> None:
+    def join(self, around: WriteGuard | None, carriers: list[ModalityModel]) -> None:
         """Put together the calls that a tick runs.
 
         ``around``: a fence within which events are delivered; of the modalities inside, only the ``carriers`` have run.
@@ -111,14 +114,16 @@ class Events:
         self.bounds = tuple(self._bound(probe, number) for number, probe in enumerate(self._probes, 1))
 
     def _bound(self, probe: _Probe, number: int) -> Bound:
-        stirring = probe.rig.toucher.stirring
+        event_views = probe.rig.contact_step.event_views
         if not can_join():
-            return Bound(probe_steps.quiet, *stirring, self._moves)
+            return Bound(probe_steps.quiet, *event_views, self._moves)
         own = [call for listener in self._listeners for call in (listener.calls if listener.kinds else ())]
         fence = ((self._around.look,), (self._around.keep,)) if self._around is not None else ((), ())
         probe.chain = Chain([*fence[0], probe.next, probe.begins, *own, probe.ends, *fence[1]])
         probe.chain.warm_up()
-        return Bound(event_detection.tell, *stirring, self._moves, self._event, probe.chain.place, probe.left, number)
+        return Bound(
+            event_detection.tell, *event_views, self._moves, self._event, probe.chain.place, probe.left, number
+        )
 
     def settle(self) -> None:
         """Make the entry of the contact that ended last, as far as it is still to be made."""
@@ -180,7 +185,7 @@ class Events:
             self._fail(hears[number].one, hears[number].fence, "on_contact", tick, error)
         raise error
 
-    def _fail(self, one: ModalityModel, fence: Fence, method: str, tick: int, error: BaseException) -> NoReturn:
+    def _fail(self, one: ModalityModel, fence: WriteGuard, method: str, tick: int, error: BaseException) -> NoReturn:
         replaced = builtins_guard.put_back()  # first: all else needs Python's functions
         fence.mend()
         raise with_replaced(modality_fault(self._model, one.instance, method, tick, error), replaced) from error
@@ -228,7 +233,7 @@ class Events:
         """At END, end the entry of the log."""
         if kind == event_detection.END:
             probe.rig.log.end(tick)
-            probe.rig.toucher.current[...] = -1
+            probe.rig.contact_step.current[...] = -1
 
     def _deliver_to(self, probe: _Probe, kind: int, tick: int, hears: Sequence[_Listener]) -> None:
         for listener in hears:
@@ -260,11 +265,11 @@ class Events:
 
     def _tell(self, probe: _Probe, listener: _Listener) -> None:
         """Tell a modality of the event in Python."""
-        event, one = probe.rig.toucher.event(self._event), listener.one
+        event, one = probe.rig.contact_step.event(self._event), listener.one
         call = partial(one.instance.on_contact, event, one.model, listener.view)
         self._call(one, listener.fence, "on_contact", event.tick, call)
 
-    def _call(self, one: ModalityModel, fence: Fence, method: str, tick: int, call: Callable[[], None]) -> None:
+    def _call(self, one: ModalityModel, fence: WriteGuard, method: str, tick: int, call: Callable[[], None]) -> None:
         """Call a method of a modality; what it raises, or writes elsewhere, is a fault."""
         fence.take()
         try:

@@ -31,7 +31,7 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
         carriers = {tracker, *(one.model.name for one in found)}
         found += [one for name, one in runners.items() if carriers & chains[name]]
         found += [acts[tracker] for acts in (acting, pushing) if tracker in acts]
-        nearing = {rig.table.model.name: rig.toucher.nearing for rig in mine if rig.table is not None}
+        nearing = {rig.table.model.name: rig.contact_step.nearing for rig in mine if rig.table is not None}
         yield from _finger(mine[0].probe.name, [*found, *free], nearing)
     if not trackers:
         yield from _finger("", free, {})

@@ -13,7 +13,7 @@ from itouch.dynamics.mujoco_link import push_bodies
 from itouch.loop import render
 from itouch.loop.device_runner import Runner
 from itouch.loop.rigid_transforms import Frame, quaternion
-from itouch.loop.touch import Toucher
+from itouch.loop.touch import ContactStep
 from itouch.plugin import Record, Role
 from itouch.world import Model
 
@@ -24,10 +24,14 @@ VELOCITY_FILTER = 0.002
 class Objects:
     """Moves scripted and carried objects, and rigid bodies, on their part of State."""
 
-    def __init__(self, model: Model, state: Record, runners: Mapping[str, Runner], touchers: Sequence[Toucher]) -> None:
+    def __init__(
+        self, model: Model, state: Record, runners: Mapping[str, Runner], contact_steps: Sequence[ContactStep]
+    ) -> None:
         self._runners = runners
         place = render.CONTACT_FORCE
-        self._pushes = [(toucher.figures[place : place + 3], toucher.result) for toucher in touchers]
+        self._pushes = [
+            (contact_step.figures[place : place + 3], contact_step.result) for contact_step in contact_steps
+        ]
         self._physics = model.motions.bodies.make() if model.motions.bodies is not None else None
         self._body_state = state["objects.physics"] if self._physics is not None else np.zeros(0)
         self._forces = np.zeros((len(model.objects), 6))

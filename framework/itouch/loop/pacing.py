@@ -185,7 +185,7 @@ def leave_out(
     period: float, runners: Sequence[Runner], rigs: Sequence[ProbeRig], events: Events, seconds: float, tick: int,
     running: bool,
 ) -> int:  # fmt: skip
-    """Count left-out time in the monitors of devices, and tell touchers and modalities of it.
+    """Count left-out time in the monitors of devices, and tell contact_steps and modalities of it.
 
     Touchers and modalities are told only with hardware in the rig: no finger's velocity is taken across the gap then.
 
@@ -218,6 +218,6 @@ def leave_out(
             runner.gate.device_monitors.leave_out(periods)
     if any(not runner.model.twin for runner in runners):
         for rig in rigs:
-            rig.toucher.settle(moves=periods * period < MOVES_ON)
+            rig.contact_step.settle(moves=periods * period < MOVES_ON)
         events.left_out(periods * period, tick)
     return periods

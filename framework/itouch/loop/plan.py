@@ -26,7 +26,7 @@ from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import Counts
 from itouch.loop.tick_step import Step
 from itouch.loop.timing import count
-from itouch.loop.write_access import Fence, Fences
+from itouch.loop.write_access import WriteGuard, WriteGuards
 from itouch.plugin import Record
 from itouch.safety import HoldToRun
 from itouch.schema import ItouchError
@@ -243,7 +243,7 @@ def _contacts(
     own = {rig.probe.name: one for rig in rigs if (one := model.contact_of(rig.probe.name)) is not None}
     yield from (steps.follow(rig) for rig in rigs if rig.probe.name in own)
     if given := [one for one in model.modalities if one.touches and one.touches.probe in own]:  # in their own order
-        yield from _fenced(given, model, views, [Fence(given, state)], " contacts")
+        yield from _fenced(given, model, views, [WriteGuard(given, state)], " contacts")
     for rig in rigs:
         one = own.get(rig.probe.name)
         yield steps.contact(rig, model) if one is None else steps.given_contact(rig, model, one)
@@ -263,15 +263,15 @@ def _rendering(
     carriers = [one for _, one in carried]
     others = [one for one in model.modalities if one.carries is None and one.touches is None]
     if not carriers or not others:
-        yield from _fenced(carriers, model, views, [Fence(carriers, state)], " surfaces")
+        yield from _fenced(carriers, model, views, [WriteGuard(carriers, state)], " surfaces")
         yield from between
         if rigs:
             events.join(None, carriers)
             yield steps.tell(model, events, rigs, state)
-        yield from _fenced(others, model, views, [Fence(others, state)])
+        yield from _fenced(others, model, views, [WriteGuard(others, state)])
         return
     written = (name for step in between if step.bounds for name in step.written(state))  # Python's is seen otherwise
-    fences = Fences(carriers, others, written, state)
+    fences = WriteGuards(carriers, others, written, state)
     around, everyone = [fences.near, fences.rest], [*others, *carriers]
     yield from _fenced(carriers, model, views, around, " surfaces", looks=[fences.near])
     yield from (steps.between(step, fences.rest, model, carriers) for step in between)
@@ -284,8 +284,8 @@ def _rendering(
 
 
 def _fenced(
-    listed: Sequence[ModalityModel], model: Model, views: Mapping[str, Record], around: Sequence[Fence],
-    where: str = "", looks: Sequence[Fence] | None = None,
+    listed: Sequence[ModalityModel], model: Model, views: Mapping[str, Record], around: Sequence[WriteGuard],
+    where: str = "", looks: Sequence[WriteGuard] | None = None,
 ) -> Iterator[Step]:  # fmt: skip
     """Yield modalities between the steps that remember and that restore all fields which are not theirs."""
     if listed:

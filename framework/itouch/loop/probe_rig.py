@@ -12,7 +12,7 @@ from itouch.loop.contact_log import ContactLog
 from itouch.loop.device_runner import Runner
 from itouch.loop.rigid_transforms import Frame, Vector
 from itouch.loop.run_statistics import RunStatistics
-from itouch.loop.touch import Toucher
+from itouch.loop.touch import ContactStep
 from itouch.loop.touchoff import TOO_HIGH, UNFELT, TouchOff
 from itouch.monitors import Surface
 from itouch.monitors.surface_kernels import size
@@ -38,7 +38,7 @@ class ProbeRig:
         self.table = runners.get(probe.scene.surface_to)
         self.face = runners.get(probe.face)
         offset = model.surfaces[probe.name].face if probe.name in model.surfaces else (0.0, 0.0, 0.0)
-        self.toucher = Toucher(model, probe, state, self.tracker, self.arm, self.table)
+        self.contact_step = ContactStep(model, probe, state, self.tracker, self.arm, self.table)
         self.coupling = self._coupling(state, offset)
         #: The skin under the devices that are worn on the finger, if there are any.
         self.skin = self._under_worn(state)
@@ -47,8 +47,8 @@ class ProbeRig:
         self.touch_off = self._touch_off(state, offset)
         #: The phase of the touch-off (`TouchOffPhase`), shape (1,); -1: there is none.
         self.stage = self.touch_off.stage.reshape(1) if self.touch_off is not None else np.full(1, -1, np.int64)
-        self.log = ContactLog(model, self.toucher, self.table, self.coupling, state, statistics)
-        self._figures = self.toucher.figures
+        self.log = ContactLog(model, self.contact_step, self.table, self.coupling, state, statistics)
+        self._figures = self.contact_step.figures
         self._radius = probe.scene.radius
         self._stands = [
             (which, runner)
@@ -76,7 +76,7 @@ class ProbeRig:
         if table is None or not table.model.touch_off or table.model.reading(Role.CONTACT_FORCE) is None:
             return None
         hand = self.coupling.hand
-        return TouchOff(table, self.toucher, offset, state, self.model.period, hand, self._fixed)
+        return TouchOff(table, self.contact_step, offset, state, self.model.period, hand, self._fixed)
 
     def _coupling(self, state: Record, offset: Vector) -> Coupling:
         operator, table, face = self.probe.operator, self.table, self.face
@@ -119,7 +119,7 @@ class ProbeRig:
 
     def reset(self) -> None:
         """Set the probe's part of State to its start."""
-        self.toucher.reset()
+        self.contact_step.reset()
         self.coupling.reset()
         if self.skin is not None:
             self.skin.reset()
@@ -134,11 +134,11 @@ class ProbeRig:
     def rearm(self) -> None:
         """Take the tracker's place anew after a fault: no tick has followed it through the stop, in which it moved."""
         self._place()  # in a restored session no tick has done so yet
-        self.toucher.restart()
+        self.contact_step.restart()
 
     def restore(self) -> None:
         """Tell the twins where the finger is, from State; the frames of devices are found anew."""
-        self.toucher.restore()
+        self.contact_step.restore()
         self.coupling.place()
         self._placed.clear()
         self._fixed[0] = 0
@@ -165,12 +165,12 @@ class ProbeRig:
         if not self._fixed[0]:  # a calibration, or the motion of a carrier, may move frames
             self._fixed[0] = (ready or self._alone) and not self._moves
             self._place()
-        self.toucher.follow()
+        self.contact_step.follow()
 
     def contact(self, tick: int, ready: bool) -> None:
         """Find what the finger touches, from this tick's readings."""
         self.follow(tick, ready)
-        self.toucher.find()
+        self.contact_step.find()
 
     def _place(self) -> None:
         """Set the frames of the devices in the world as they are now."""
@@ -178,17 +178,17 @@ class ProbeRig:
             frame = self.frame_of(runner)
             if self._placed.get(which) is not frame:
                 self._placed[which] = frame
-                self.toucher.place(which, frame, stands=not runner.model.carrier)
+                self.contact_step.place(which, frame, stands=not runner.model.carrier)
 
     @property
     def bound_follow(self) -> tuple[Bound, ...]:
         """``follow`` as compiled calls, which leave it to Python while frames may move."""
-        return (Bound(probe_steps.placed, self._fixed), *self.toucher.follows)
+        return (Bound(probe_steps.placed, self._fixed), *self.contact_step.follows)
 
     @property
     def bound_contact(self) -> tuple[Bound, ...]:
         """``contact`` as compiled calls, which leave it to Python while frames may move."""
-        return (*self.bound_follow, *self.toucher.finds)
+        return (*self.bound_follow, *self.contact_step.finds)
 
     def bound_surface(self) -> tuple[Bound, ...]:
         """Return ``surface`` as compiled calls, which leave a withdrawal to Python; none: all of it is Python's."""
@@ -196,7 +196,7 @@ class ProbeRig:
         post = table.gate.device_monitors.surface if table is not None else None
         if table is None or post is None or not isinstance(post.monitor, Surface):
             return ()
-        led = Bound(probe_steps.led, post.state["withdrawn"], self.toucher.surface)
+        led = Bound(probe_steps.led, post.state["withdrawn"], self.contact_step.surface)
         closing = Bound(
             probe_steps.close_in,
             self._figures,
@@ -206,7 +206,7 @@ class ProbeRig:
             table.gate.actuation.clamped,
         )
         seek = self.touch_off.bounds if self.touch_off is not None else ()
-        return (led, *self.toucher.carries, closing, *seek)
+        return (led, *self.contact_step.carries, closing, *seek)
 
     def surface_left(self, code: int, tick: int, ready: bool) -> None:
         """Do what the compiled calls have left to Python: end a touch-off that found no height, or the whole step.
@@ -223,7 +223,7 @@ class ProbeRig:
 
     def force(self, tick: int, ready: bool) -> None:
         """Command the arm's part of the force."""
-        self.toucher.push()
+        self.contact_step.push()
 
     def surface(self, tick: int, ready: bool) -> None:
         """Carry the table's surface to the finger, and choose how fast it may close in.
@@ -232,10 +232,10 @@ class ProbeRig:
         """
         table = self.table
         if table is None or table.gate.device_monitors.surface is None:
-            self.toucher.carry()
+            self.contact_step.carry()
             return
-        self.toucher.stay_away(table.gate.device_monitors.withdrawn)
-        self.toucher.carry()
+        self.contact_step.stay_away(table.gate.device_monitors.withdrawn)
+        self.contact_step.carry()
         strayed = self._figures[render.TRACKING].item()
         gap = probe_steps.gap_of(self._figures, self._radius)
         table.gate.actuation.closing = table.gate.device_monitors.closing(gap, strayed)
@@ -243,9 +243,11 @@ class ProbeRig:
             self.touch_off.update()
         elif table.gate.device_monitors.withdrawn:
             target = table.commanded(Role.SURFACE_POSE)
-            leaves = self.toucher.withdrawal_floor(target, table.sent_as(Role.SURFACE_POSE))
-            target[2] = table.gate.device_monitors.follow(target[2].item(), self.toucher.current.item() < 0, leaves)
-            self.toucher.gone()
+            leaves = self.contact_step.withdrawal_floor(target, table.sent_as(Role.SURFACE_POSE))
+            target[2] = table.gate.device_monitors.follow(
+                target[2].item(), self.contact_step.current.item() < 0, leaves
+            )
+            self.contact_step.gone()
 
     def _gap(self) -> float:
         """Return the distance [m] between finger pad and plate, by their readings."""

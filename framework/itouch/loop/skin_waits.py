@@ -45,7 +45,7 @@ def _celsius(kelvin: float) -> float | None:
     return kelvin - 273.15 if kelvin > 0.0 else None
 
 
-def vain_waits(model: Model, state: Record) -> tuple[str, ...]:
+def unrecovered_waits(model: Model, state: Record) -> tuple[str, ...]:
     """Return a sentence for each wait that ended although the skin had not recovered."""
     return tuple(_sentence(entry) for entry in waits_of(model, state) if entry["back"] is False)
 

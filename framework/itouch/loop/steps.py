@@ -24,7 +24,7 @@ from itouch.loop.run_statistics import Counts
 from itouch.loop.supervision_steps import bound_supervision, bound_together
 from itouch.loop.tick_step import CALLS_KERNELS, PYTHON, Answer, Step, joinable
 from itouch.loop.touchoff import DONE
-from itouch.loop.write_access import Fence, mended, shown_fields
+from itouch.loop.write_access import WriteGuard, mended, shown_fields
 from itouch.plugin import Bound, Record, Role
 from itouch.plugin.bound import bound_by
 from itouch.safety import Finger, Gate, HoldToRun
@@ -149,7 +149,7 @@ def given_contact(rig: ProbeRig, model: Model, one: ModalityModel) -> Step:
         raise modality_fault(model, one.instance, "update", tick, ValueError(_wrong(code, one, model)))
 
     reads += (*_of(rig.probe.name, "hip", "velocity"), *said)
-    return joinable(f"contact {rig.probe.name}", rig.toucher.finds, reads, written, answer)
+    return joinable(f"contact {rig.probe.name}", rig.contact_step.finds, reads, written, answer)
 
 
 def _wrong(code: int, one: ModalityModel, model: Model) -> str:
@@ -189,7 +189,7 @@ def look_below(rig: ProbeRig) -> Step:
     written = (*_of(name, "surface_height", "below"), *surface)
     figures = _of(name, "hip", "velocity", "proxy", "normal", "penetration")
     reads = (*figures, "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
-    return joinable(f"below {name}", rig.toucher.looks, (*reads, *surface, *rig.toucher.newer), written)
+    return joinable(f"below {name}", rig.contact_step.looks, (*reads, *surface, *rig.contact_step.newer), written)
 
 
 def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:
@@ -233,12 +233,12 @@ def force(rig: ProbeRig) -> Step:
     name = rig.probe.name
     reads = _of(name, "contact_force", "normal", "plate_gap", "plate", "velocity", "object", "surface.*")
     reads += _of(name, "hip", "plate_top")
-    reads += (*_roles(rig.table, Role.CONTACT_FORCE), *rig.toucher.newer)
+    reads += (*_roles(rig.table, Role.CONTACT_FORCE), *rig.contact_step.newer)
     reads += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="sent")
     kept = ("share", "cut", "changing", "load", "wanted", "virtual", "stirs", "stirred")
     written = tuple(f"{name}.surface.{field}" for field in kept)
     written += _roles(rig.arm, Role.FORCE_ON_OPERATOR, kind="command")
-    return joinable(f"force {name}", rig.toucher.pushes, reads, written)
+    return joinable(f"force {name}", rig.contact_step.pushes, reads, written)
 
 
 def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) -> Step:
@@ -253,7 +253,7 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) 
     )  # fmt: skip
 
 
-def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[Fence]) -> Step:
+def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[WriteGuard]) -> Step:
     """Update a modality, or call its ``between`` in a tick without an update; what it raises is a fault."""
     update, compiled, every, period = one.instance.update, one.model, one.every, model.period * one.every
 
@@ -319,14 +319,14 @@ def _joins(one: ModalityModel) -> bool:
     )
 
 
-def fence(around: Sequence[Fence], where: str = "") -> Step:
+def fence(around: Sequence[WriteGuard], where: str = "") -> Step:
     """Remember the fields that modalities may not write: compiled code could write them, whatever view it was given."""
     return joinable(f"fence{where}", [one.keep for one in around], ("*",), ())
 
 
 def mend(
-    model: Model, around: Sequence[Fence], listed: Sequence[ModalityModel], where: str = "",
-    looks: Sequence[Fence] | None = None,
+    model: Model, around: Sequence[WriteGuard], listed: Sequence[ModalityModel], where: str = "",
+    looks: Sequence[WriteGuard] | None = None,
 ) -> Step:  # fmt: skip
     """Put back what these modalities may not write, before anything is checked or sent; such a write is a fault.
 
@@ -340,7 +340,7 @@ def mend(
     return joinable(f"mend{where}", bounds, ("*",), (), answer)
 
 
-def between(step: Step, rest: Fence, model: Model, listed: Sequence[ModalityModel]) -> Step:
+def between(step: Step, rest: WriteGuard, model: Model, listed: Sequence[ModalityModel]) -> Step:
     """Return a step of the framework that runs inside a fence: what it writes in Python is remembered anew.
 
     First it is checked whether one of the modalities ``listed`` has written inside the fence, which is a fault.
@@ -408,7 +408,7 @@ def share(
         f"{name}.{field}" for name in names for field in ("heat*", "sent.*", "touched", "status", "surface.*")
     )
     reads += ("*.hip", "*.velocity", "*.plate_top")
-    reads += tuple(field for rig in rigs if rig.table in devices for field in rig.toucher.newer)
+    reads += tuple(field for rig in rigs if rig.table in devices for field in rig.contact_step.newer)
     written = tuple(f"{name}.surface.*" for name in names)
     bound = bound_together(finger, state, period)
     if bound is not None:

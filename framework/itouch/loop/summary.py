@@ -9,7 +9,7 @@ from itouch.loop.contact_report import of_run
 from itouch.loop.engine_view import Running
 from itouch.loop.late_coupling import late_couplings
 from itouch.loop.plate_notices import lingering_plates, missed_plates
-from itouch.loop.skin_waits import vain_waits, waits_of
+from itouch.loop.skin_waits import unrecovered_waits, waits_of
 from itouch.loop.timing import Timing
 from itouch.world import limits
 
@@ -77,7 +77,7 @@ def summary(engine: Running, open_contacts: list[dict[str, Any]], wall: float, t
             *missed_plates(model, engine.state),
             *lingering_plates(model, engine.state),
             *late_couplings(model, engine.state),
-            *vain_waits(model, engine.state),
+            *unrecovered_waits(model, engine.state),
         ],
         "modalities": {m.name: said for m in model.modalities if (said := of_run(m, engine.state)) or not m.default_of},
         "contacts": [*statistics.contacts, *open_contacts],

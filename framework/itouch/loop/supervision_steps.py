@@ -178,7 +178,7 @@ def bound_supervision(
         wrench, velocity = monitor.sent_of(runner.sent), state[f"{rig.probe.name}.velocity"]
         looks = Bound(arm, own, monitor.pushing, wrench, velocity, post.state["figure"], tick, int(ENABLED))
     elif isinstance(monitor, Surface) and runner is rig.table and not runner.model.wire:
-        over = rig.toucher.over
+        over = rig.contact_step.over
         one = Carried(
             monitor.pose(panel.seen), state[f"{rig.probe.name}.tracking"], over.finger, over.top, over.frame,
             np.array([0.0, math.nan]), state[f"{name}.touched"], state[f"{name}.felt"],

@@ -41,7 +41,7 @@ class SurfaceBelow(NamedTuple):
     frame: render.Floats
 
 
-class Toucher:
+class ContactStep:
     """Renders the contact of one probe on its part of State."""
 
     def __init__(
@@ -328,7 +328,7 @@ class Toucher:
         self._pushed()
 
     @property
-    def stirring(self) -> tuple[Any, ...]:
+    def event_views(self) -> tuple[Any, ...]:
         """The views that show whether there is an event in a tick: the first arguments of `probe_steps.quiet`."""
         return self._nearest, self.near_object, self.current, self.object, self.separated
 

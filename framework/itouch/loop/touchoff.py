@@ -22,7 +22,7 @@ from itouch.loop import render
 from itouch.loop.device_runner import DeviceFaultError, Runner
 from itouch.loop.rigid_transforms import Vector
 from itouch.loop.surface import plate, surface_memory
-from itouch.loop.touch import Toucher
+from itouch.loop.touch import ContactStep
 from itouch.plugin import Bound, Record, Role
 from itouch.plugin.carried_surfaces import LEFT
 from itouch.safety import Trip
@@ -343,7 +343,7 @@ class TouchOff:
     """Finds the height of one table's mount, on its part of State; ``fixed`` (1,): whether frames stay as they are."""
 
     def __init__(
-        self, table: Runner, toucher: Toucher, offset: Vector, state: Record, period: float, hand: Hand | None,
+        self, table: Runner, contact_step: ContactStep, offset: Vector, state: Record, period: float, hand: Hand | None,
         fixed: NDArray[np.int64],
     ) -> None:  # fmt: skip
         self._table = table
@@ -360,15 +360,15 @@ class TouchOff:
         )  # fmt: skip
         start = hand.path.start[2] if hand is not None else math.nan
         near = table.model.limits.speed_near or 0.0
-        carried = toucher.model.surfaces.get(toucher.probe.name)
+        carried = contact_step.model.surfaces.get(contact_step.probe.name)
         damping = carried.pad_damping if carried is not None else 0.0
-        reach = Reach(*map(float, (low, high, toucher.probe.scene.radius, start, *offset, near, period, damping)))
+        reach = Reach(*map(float, (low, high, contact_step.probe.scene.radius, start, *offset, near, period, damping)))
         angles = [math.pi / 2 + 2 * math.pi * point / count for point in range(count)]
         points = np.array([(SPREAD * math.cos(angle), SPREAD * math.sin(angle)) for angle in angles])
         self._load = table.read_as(Role.CONTACT_FORCE)
         search_on = Bound(
-            seek, toucher.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
-            self._load, toucher.figures, toucher.surface, table.commanded(Role.SURFACE_POSE),
+            seek, contact_step.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
+            self._load, contact_step.figures, contact_step.surface, table.commanded(Role.SURFACE_POSE),
             table.gate.actuation.moving.closing, fixed,
         )  # fmt: skip
         #: One tick of it as compiled calls, which must be the last ones of their step.

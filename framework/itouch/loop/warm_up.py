@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from itouch.loop.contact_report import of_contact
 from itouch.loop.device_runner import Runner
 from itouch.loop.run_statistics import Histogram
-from itouch.loop.write_access import Fence, view_for
+from itouch.loop.write_access import WriteGuard, view_for
 from itouch.plugin import Contact, ContactEvent, DeviceError, Record, Role, TwinInputs
 from itouch.safety import check_warm_up
 from itouch.schema import Problem, SceneError
@@ -61,7 +61,7 @@ def _rehearse_event(model: Model, scratch: Record, views: Mapping[str, Record], 
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "on_contact", model.place_of(modality.name)):
             if event.kind in modality.instance.hears:
-                around = Fence([modality], scratch)
+                around = WriteGuard([modality], scratch)
                 modality.instance.on_contact(event, modality.model, views[modality.name])
                 around.mend()
     for _ in range(2):

@@ -46,8 +46,8 @@ def view_for(one: ModalityModel, state: Record) -> WriteProtectedRecord:
 _LONG = 512
 
 
-class Fence:
-    """Finds out whether modalities have written what is not theirs, and puts it back.
+class WriteGuard:
+    """A guard of State: finds out whether modalities have written what is not theirs, and puts it back.
 
     Call ``take`` before they run and ``mend`` after: the whole of State is compared, for compiled code may write
     anywhere.
@@ -82,14 +82,14 @@ class Fence:
         return next((name for name, view in self._state.items() if view.tobytes() != was[name].tobytes()), "")
 
 
-class Fences:
-    """One fence around all modalities of a tick: those that carry surfaces (carriers), and the others, which run later.
+class WriteGuards:
+    """One guard around all modalities of a tick: those that carry surfaces (carriers), and the others, which run later.
 
-    Between the two the framework's own steps write, so the fence has three parts: ``rest``, which nobody may write from
+    Between the two the framework's own steps write, so it has three parts: ``rest``, which nobody may write from
     the first carrier to the last modality, is remembered once and compared once; what those steps write, commands, and
     pieces too short to be worth it are compared after the carriers (``near``), remembered anew, and compared after the
     other modalities (``later``).  A modality that writes to the fields of another one is not found out, here as with a
-    single fence around several modalities.
+    single guard around several modalities.
     """
 
     def __init__(
@@ -101,13 +101,13 @@ class Fences:
         written = {*between, *(name for name in state if ".command." in name)}
         rest = _in_long_pieces(state, set(state) - written - first - second)
         foreign = {name for name in second if ".command." not in name}
-        self.near = Fence(carriers, state, set(state) - rest - foreign)
-        self.later = Fence(modalities, state, set(state) - rest)
-        self.rest = Fence((*carriers, *modalities), state, rest)
+        self.near = WriteGuard(carriers, state, set(state) - rest - foreign)
+        self.later = WriteGuard(modalities, state, set(state) - rest)
+        self.rest = WriteGuard((*carriers, *modalities), state, rest)
 
 
-def mended(fences: Iterable[Fence]) -> str:
-    """Put back what is inside these fences; return the name of a field that was changed; empty: none was."""
+def mended(fences: Iterable[WriteGuard]) -> str:
+    """Put back what these guards watch; return the name of a field that was changed; empty: none was."""
     found = [fence.mend() for fence in fences]
     return next((name for name in found if name), "")
 

@@ -177,7 +177,7 @@ class Heat(Monitor):
         numbers, commands = self.numbers(reading), self.numbers(sent)
         fresh = bool(moment.fresh)
         return heat_kernels.check(
-            self.stands, self.allowed, self.trust, self.memory(state), numbers, commands, look, fresh
+            self.stands, self.allowed, self.checks, self.memory(state), numbers, commands, look, fresh
         )
 
     @staticmethod
@@ -213,9 +213,9 @@ class Heat(Monitor):
         )  # fmt: skip
 
     @property
-    def trust(self) -> runaway_kernels.Trust:
+    def checks(self) -> runaway_kernels.SensorChecks:
         """What is known of its drive, for compiled code."""
-        return self._runaway.trust
+        return self._runaway.checks
 
     def memory(self, state: Record) -> heat_kernels.Memory:
         """Return what it remembers, for compiled code."""

@@ -82,14 +82,14 @@ class Memory(NamedTuple):
 
 @kernel
 def check(
-    plate: Any, allowed: Any, trust: Any, memory: Any, reading: Floats, sent: Floats, look: Any, fresh: bool
+    plate: Any, allowed: Any, checks: Any, memory: Any, reading: Floats, sent: Floats, look: Any, fresh: bool
 ) -> float:  # fmt: skip
     """Check the newest readings; without a new one, budgets and clocks run on with the last one.
 
     Parameters
     ----------
-    plate, allowed, trust, memory
-        Of the plate: `Plate`, `Allowed`, `runaway_kernels.Trust`, `Memory`.
+    plate, allowed, checks, memory
+        Of the plate: `Plate`, `Allowed`, `runaway_kernels.SensorChecks`, `Memory`.
     reading, sent
         All numbers of the device's reading and of what it was sent, (n,) each, in their channels' units.
     look, fresh
@@ -121,7 +121,9 @@ def check(
         spent = jump(allowed, memory)
     if spent != 0.0:
         return float(spent)
-    found = runaway_kernels.check(trust, memory.runaway, temperature, sink, drive(plate, sent, temperature), look, news)
+    found = runaway_kernels.check(
+        checks, memory.runaway, temperature, sink, drive(plate, sent, temperature), look, news
+    )
     return float(found if found != 0.0 else share)
 
 

@@ -63,7 +63,7 @@ class Readings(Monitor):
             high += most
             speeds += _change(channel, device.commands)
         self._low, self._high, self._speeds = low, high, speeds
-        self._sane = [bounds for channel in device.reads for bounds in _sane(channel)]
+        self._usable = [bounds for channel in device.reads for bounds in _usable(channel)]
         self._pairs = pairs(device)
         self._turns = turns(device)
 
@@ -110,7 +110,7 @@ class Readings(Monitor):
         values, at = reading.numbers, 0
         for channel in self.device.reads:
             end = at + channel.size
-            bounds = self._sane[at:end]
+            bounds = self._usable[at:end]
             within = all(
                 low <= value <= high for value, (low, high) in zip(values[at:end].tolist(), bounds, strict=True)
             )
@@ -118,10 +118,10 @@ class Readings(Monitor):
                 values[at:end] = state["believed"][at:end]
             at = end
 
-    def sane(self, reading: Record) -> bool:
+    def usable(self, reading: Record) -> bool:
         """Tell whether a reading can be worked with at all, even if it passes a limit."""
         values: Floats = reading.numbers.tolist()
-        within = all(low <= value <= high for value, (low, high) in zip(values, self._sane, strict=True))
+        within = all(low <= value <= high for value, (low, high) in zip(values, self._usable, strict=True))
         return within and all(_rotation(values, turn) for turn in self._turns)
 
     def memory(self, state: Record) -> readings_kernels.Memory:
@@ -131,9 +131,9 @@ class Readings(Monitor):
         return Memory(state["believed"], state["known"].reshape(1), state["figure"])
 
     @cached_property
-    def able(self) -> readings_kernels.Believable:
-        """What readings can be believed, for compiled code."""
-        from itouch.monitors.readings_kernels import Believable
+    def plausibility(self) -> readings_kernels.PlausibilityLimits:
+        """What readings are plausible, for compiled code."""
+        from itouch.monitors.readings_kernels import PlausibilityLimits
 
         checked = [
             index
@@ -142,7 +142,7 @@ class Readings(Monitor):
         ]
         speeds = np.array(self._speeds, np.float64).reshape(-1, 2)
         trips = [int(_TRIPS.get(channel.role, Trip.SENSOR_RANGE)) for channel in self._channels]
-        return Believable(
+        return PlausibilityLimits(
             np.array(self._low), np.array(self._high), np.array(trips, np.int64), np.array(checked, np.int64),
             speeds[:, 0].copy(), speeds[:, 1].copy(), np.array([one for one, _ in self._pairs], np.int64),
             np.array([other for _, other in self._pairs], np.int64), np.array([DISAGREEMENT]),
@@ -154,7 +154,7 @@ class Readings(Monitor):
         """Check the newest reading; ``moment.seconds`` is the time since the reading before."""
         from itouch.monitors.readings_kernels import check  # here, so that the compiler is loaded only if a device runs
 
-        return check(self.able, self.memory(state), reading.numbers, float(moment.seconds))
+        return check(self.plausibility, self.memory(state), reading.numbers, float(moment.seconds))
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
         """Return the reading that tripped, with its value."""
@@ -277,7 +277,7 @@ def _range(channel: Channel, limits: Mapping[str, object]) -> tuple[Floats, Floa
     return [max(least, value) for value in low], [min(most, value) for value in high]
 
 
-def _sane(channel: Channel) -> list[tuple[float, float]]:
+def _usable(channel: Channel) -> list[tuple[float, float]]:
     """Return the range of each component outside which a number means nothing."""
     if channel.unit == "K":
         return [TEMPERATURE_RANGE] * channel.size

@@ -14,8 +14,8 @@ Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 
-class Believable(NamedTuple):
-    """What is believed of the n numbers of a reading.
+class PlausibilityLimits(NamedTuple):
+    """The limits within which the n numbers of a reading are plausible.
 
     ``low``, ``high`` (n,): their range; ``trips`` (n,): the trip of a number outside it; ``checked``: indices of the
     numbers with limits, with ``speed`` and ``room`` (n,): how far one can be from the reading before, per second and at
@@ -51,15 +51,15 @@ class Memory(NamedTuple):
 
 
 @linked
-def _found(able: Any, memory: Any, values: Floats) -> float:
+def _found(limits: Any, memory: Any, values: Floats) -> float:
     """Note the first number that is out of range or not finite, and return minus its trip."""
     for i in range(len(values)):
         finite = math.isfinite(values[i])
-        if not finite or not able.low[i] <= values[i] <= able.high[i]:
+        if not finite or not limits.low[i] <= values[i] <= limits.high[i]:
             memory.figure[0], memory.figure[1] = i, 0.0
-            return -float(able.trips[i] if finite else able.odd[0])
+            return -float(limits.trips[i] if finite else limits.odd[0])
     memory.figure[0], memory.figure[1] = -1.0, 0.0
-    return -float(able.odd[0])
+    return -float(limits.odd[0])
 
 
 @linked
@@ -70,46 +70,46 @@ def squared_length(values: Floats, at: int) -> float:
 
 
 @linked
-def doubt(able: Any, memory: Any, values: Floats, seconds: float) -> float:
+def doubt(limits: Any, memory: Any, values: Floats, seconds: float) -> float:
     """Return 1, or minus the trip of a reading (n,) that cannot be believed.
 
-    ``values`` are in the channels' units, as are the limits in ``able``; ``seconds``: since the reading before [s].
+    ``values`` are in the channels' units, as ``limits`` are; ``seconds``: since the reading before [s].
     """
     total = 0.0
     for i in range(len(values)):
         total += float(values[i])
     if not math.isfinite(total):  # something is not a number, or infinite
-        return float(_found(able, memory, values))
+        return float(_found(limits, memory, values))
     known = memory.known[0] != 0
-    for k in range(len(able.checked)):
-        i = able.checked[k]
+    for k in range(len(limits.checked)):
+        i = limits.checked[k]
         value = values[i]
-        if not able.low[i] <= value <= able.high[i]:
-            return float(_found(able, memory, values))
+        if not limits.low[i] <= value <= limits.high[i]:
+            return float(_found(limits, memory, values))
         last = memory.believed[i] if known else value
-        if abs(value - last) > able.speed[i] * seconds + able.room[i]:
+        if abs(value - last) > limits.speed[i] * seconds + limits.room[i]:
             memory.figure[0], memory.figure[1] = i, 0.0
-            return -float(able.jump[0])
-    for k in range(len(able.turns)):
-        squared = squared_length(values, able.turns[k])
-        if abs(squared - 1.0) > able.stretch[0] and squared != 0.0:  # all zeros: no rotation is told
-            memory.figure[0], memory.figure[1] = able.turns[k], math.sqrt(squared)
-            return -float(able.outside[0])
-    for k in range(len(able.first)):
-        apart = abs(values[able.first[k]] - values[able.second[k]])
-        if apart > able.apart[0]:
-            memory.figure[0], memory.figure[1] = able.first[k], apart
-            return -float(able.disagree[0])
+            return -float(limits.jump[0])
+    for k in range(len(limits.turns)):
+        squared = squared_length(values, limits.turns[k])
+        if abs(squared - 1.0) > limits.stretch[0] and squared != 0.0:  # all zeros: no rotation is told
+            memory.figure[0], memory.figure[1] = limits.turns[k], math.sqrt(squared)
+            return -float(limits.outside[0])
+    for k in range(len(limits.first)):
+        apart = abs(values[limits.first[k]] - values[limits.second[k]])
+        if apart > limits.apart[0]:
+            memory.figure[0], memory.figure[1] = limits.first[k], apart
+            return -float(limits.disagree[0])
     return 1.0
 
 
 @kernel
-def check(able: Any, memory: Any, values: Floats, seconds: float) -> float:
+def check(limits: Any, memory: Any, values: Floats, seconds: float) -> float:
     """Do what ``doubt`` does, and remember a reading that is believed.
 
     ``values`` (n,) are in the channel's unit; ``seconds`` [s].
     """
-    found = float(doubt(able, memory, values, seconds))
+    found = float(doubt(limits, memory, values, seconds))
     if found == 1.0:
         for i in range(len(values)):
             memory.believed[i] = values[i]

@@ -73,12 +73,12 @@ class Runaway:
         state["touched_at"][...] = -math.inf
 
     @property
-    def trust(self) -> runaway_kernels.Trust:
+    def checks(self) -> runaway_kernels.SensorChecks:
         """What is known of the drive, for compiled code."""
-        from itouch.monitors.runaway_kernels import Trust
+        from itouch.monitors.runaway_kernels import SensorChecks
 
         trips = (int(trip) for trip in (Trip.SENSOR_FROZEN, Trip.SENSOR_DISAGREE, Trip.RUNAWAY))
-        return Trust(bool(self._follows), float(self._part), *trips)
+        return SensorChecks(bool(self._follows), float(self._part), *trips)
 
     @staticmethod
     def memory(state: Record) -> runaway_kernels.Memory:
@@ -103,8 +103,8 @@ class Runaway:
         """Return T8 and T9 for a plate that is driven."""
         if not driven:
             return ()
-        sane = "step of 5 K in 50 ms, frozen for 1 s while the drive changes, for 0.5 s of full drive"
-        sane += ", where a moving plate would have gone 1 K on, or for 0.2 s after 5 K/s"
-        sane += ", 10 K on the wrong side of its heat sink"
+        plausible = "step of 5 K in 50 ms, frozen for 1 s while the drive changes, for 0.5 s of full drive"
+        plausible += ", where a moving plate would have gone 1 K on, or for 0.2 s after 5 K/s"
+        plausible += ", 10 K on the wrong side of its heat sink"
         away = "2 K against a drive above 50 % of the limit in force, or none of its effect for 2 s"
-        return (Rule("T8", "plausibility of its plate sensor", trip=sane), Rule("T9", "runaway", trip=away))
+        return (Rule("T8", "plausibility of its plate sensor", trip=plausible), Rule("T9", "runaway", trip=away))

@@ -38,8 +38,11 @@ Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 
-class Trust(NamedTuple):
-    """What is known of a drive (see `Runaway`), and the trips of a frozen sensor, a drifted one, and a runaway."""
+class SensorChecks(NamedTuple):
+    """Checks of a plate's sensor: what is known of its drive (see `Runaway`), and their trips.
+
+    ``frozen``, ``disagree``, ``runaway``: the trips of a sensor that is frozen, of one that drifts, and of a runaway.
+    """
 
     follows: bool
     part: float
@@ -88,7 +91,7 @@ def drive_of(target: bool, sent: float, temperature: float, ceiling: float) -> f
 
 @linked
 def check(
-    trust: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any, news: bool
+    checks: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any, news: bool
 ) -> float:  # fmt: skip
     """Return minus the code of a trip, or 0.
 
@@ -97,23 +100,23 @@ def check(
     """
     if look.touched:
         memory.touched_at[0] = look.now
-    found = still(trust, memory, temperature, drive, look) if news else 0.0
+    found = still(checks, memory, temperature, drive, look) if news else 0.0
     if found == 0.0:
-        found = against(trust, memory, temperature, drive, look)
+        found = against(checks, memory, temperature, drive, look)
     if found == 0.0:
-        found = odd(trust, memory, temperature, sink, drive, look)
+        found = odd(checks, memory, temperature, sink, drive, look)
     return float(found)
 
 
 @linked
-def still(trust: Any, memory: Any, temperature: float, drive: float, look: Any) -> float:
+def still(checks: Any, memory: Any, temperature: float, drive: float, look: Any) -> float:
     """Trip on a sensor that reads exactly the same although the drive changes, or the plate must move on (T8)."""
     passed = max(0.0, look.time - memory.frozen_at[0])
     memory.frozen_at[0] = look.time
     last, change = memory.frozen[0], abs(drive - memory.frozen_from[0])
     if temperature != last:
         elapsed, slope = memory.frozen_for[0] + passed, memory.frozen_slope[0]
-        steady = change * trust.part <= DRIVEN and elapsed > 0.0 and not math.isnan(last)
+        steady = change * checks.part <= DRIVEN and elapsed > 0.0 and not math.isnan(last)
         newest = (temperature - last) / elapsed if steady else 0.0
         part = 1.0 - math.exp(-elapsed / SLOPE_TIME) if steady else 1.0
         memory.frozen_slope[0] = slope + part * (newest - slope)
@@ -127,25 +130,25 @@ def still(trust: Any, memory: Any, temperature: float, drive: float, look: Any) 
         memory.frozen_held[0] += abs(drive) * passed
     same, driven = memory.frozen_for[0], memory.frozen_drive[0]
     changed = driven > FROZEN_DRIVE or (same > FROZEN and driven > DRIVEN * same)
-    if changed or memory.frozen_held[0] > FROZEN_HELD or stopped(trust, memory, drive, same):
+    if changed or memory.frozen_held[0] > FROZEN_HELD or stopped(checks, memory, drive, same):
         memory.figure2[0] = same
-        return -float(trust.frozen)
+        return -float(checks.frozen)
     return 0.0
 
 
 @linked
-def stopped(trust: Any, memory: Any, drive: float, same: float) -> bool:
+def stopped(checks: Any, memory: Any, drive: float, same: float) -> bool:
     """Tell whether a plate whose temperature moved under a steady drive seems to have stopped abruptly."""
     slope = abs(memory.frozen_slope[0])
     strong = abs(drive) > DRIFT_DRIVE
-    driven = trust.follows and strong and same > STOPPED_TIME
+    driven = checks.follows and strong and same > STOPPED_TIME
     # a device that controls its temperature itself stops where it was told to, however fast it moved
-    fast = (trust.follows or strong) and slope > FAST and same > FAST_TIME
+    fast = (checks.follows or strong) and slope > FAST and same > FAST_TIME
     return bool((driven or fast) and same <= STOPPED_WITHIN and slope * same > STOPPED)
 
 
 @linked
-def against(trust: Any, memory: Any, temperature: float, drive: float, look: Any) -> float:
+def against(checks: Any, memory: Any, temperature: float, drive: float, look: Any) -> float:
     """Trip if the plate does not follow a strong drive, or goes the wrong way (T9)."""
     passed = memory.driven_for[0]
     if abs(drive) <= RUNAWAY_DRIVE or drive * passed < 0.0:
@@ -157,11 +160,11 @@ def against(trust: Any, memory: Any, temperature: float, drive: float, look: Any
     wrong = (temperature - least) if drive > 0.0 else (most - temperature)
     if wrong > RUNAWAY_WRONG:
         memory.figure2[0], memory.figure2[1] = wrong, 0.0
-        return -float(trust.runaway)
+        return -float(checks.runaway)
     alone = look.now - memory.touched_at[0] >= RUNAWAY_TIME - 1e-9
-    if abs(passed) >= RUNAWAY_TIME - 1e-9 and alone and trust.follows and most - least < RUNAWAY_STILL:
+    if abs(passed) >= RUNAWAY_TIME - 1e-9 and alone and checks.follows and most - least < RUNAWAY_STILL:
         memory.figure2[0], memory.figure2[1] = 0.0, abs(passed)
-        return -float(trust.runaway)
+        return -float(checks.runaway)
     return 0.0
 
 
@@ -183,7 +186,7 @@ def extremes(memory: Any, temperature: float, now: float, begin: float) -> tuple
 
 
 @linked
-def odd(trust: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any) -> float:
+def odd(checks: Any, memory: Any, temperature: float, sink: float, drive: float, look: Any) -> float:
     """Trip if an untouched plate has long been where its drive cannot have brought it: its sensor has drifted (T8)."""
     beyond = (temperature - sink) * math.copysign(1.0, drive)
     weak = not DRIFT_DRIVE < abs(drive) < RUNAWAY_DRIVE
@@ -194,4 +197,4 @@ def odd(trust: Any, memory: Any, temperature: float, sink: float, drive: float, 
     if memory.odd_for[0] <= DRIFT_TIME:
         return 0.0
     memory.figure2[0], memory.figure2[1] = beyond, memory.odd_for[0]
-    return -float(trust.disagree)
+    return -float(checks.disagree)

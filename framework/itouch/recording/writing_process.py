@@ -15,7 +15,7 @@ import time
 
 import numpy as np
 
-from itouch.gc_policy import seldom_for_good
+from itouch.gc_policy import keep_collections_rare
 from itouch.platforms import Ended, Memory, signals
 from itouch.recording.chunking import MOST_ROWS, SPEC, ChunkBuilder
 from itouch.recording.ring import ControlWord, Phase, Ring, Shape
@@ -100,5 +100,5 @@ def _tuples(described: list[list[object]]) -> list[tuple[object, ...]]:
 
 
 if __name__ == "__main__":
-    seldom_for_good()
+    keep_collections_rare()
     sys.exit(main(sys.argv[1:]))

@@ -253,7 +253,7 @@ class Acquisition:
         )  # fmt: skip
         rhythm = monitor_step.CheckSchedule(self._every, panel.apart, panel.clock, self._period)
         memory = post.monitor.memory(post.state)
-        first = Bound(monitor_step.watch, watched, post.monitor.able, memory, rhythm, self._tick, CLOSED, FAULT)
+        first = Bound(monitor_step.watch, watched, post.monitor.plausibility, memory, rhythm, self._tick, CLOSED, FAULT)
         return first, *(self._bound_look(number, *one, rhythm) for number, one in enumerate(panel.heats))
 
     def _bound_look(self, number: int, post: InstalledMonitor, heat: Heat, rhythm: monitor_step.CheckSchedule) -> Bound:
@@ -262,7 +262,7 @@ class Acquisition:
         asked = monitor_step.Asked(post.checked, post.share, post.said, panel.due, touched)
         return Bound(
             monitor_step.ask, asked, panel.times, rhythm, self._link.latch.seen, self._tick, heat.stands, heat.allowed,
-            heat.trust, heat.memory(post.state), heat.numbers(panel.seen), heat.numbers(self._sent), number, CLOSED,
+            heat.checks, heat.memory(post.state), heat.numbers(panel.seen), heat.numbers(self._sent), number, CLOSED,
         )  # fmt: skip
 
     def believe(self, tick: int, status: int) -> None:
@@ -358,7 +358,7 @@ class Acquisition:
 
     def _keep_sane(self) -> None:
         """Put the last believed reading back if the newest has numbers that mean nothing, so that nobody uses them."""
-        if not self.device_monitors.sane():
+        if not self.device_monitors.usable():
             self.device_monitors.put_back()
 
     def _measure_slip(self) -> None:

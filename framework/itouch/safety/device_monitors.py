@@ -146,9 +146,9 @@ class DeviceMonitors:
         if self.readings is not None and isinstance(self.readings.monitor, Readings):
             self.readings.monitor.mend(self.readings.state, self._reading)
 
-    def sane(self) -> bool:
+    def usable(self) -> bool:
         """Tell whether the newest reading can be worked with at all, even if it passes a limit."""
-        return self.readings is None or Readings.sane(self.readings.monitor, self._reading)  # type: ignore[arg-type]
+        return self.readings is None or Readings.usable(self.readings.monitor, self._reading)  # type: ignore[arg-type]
 
     # --- readings ------------------------------------------------------------------------------------------------
 

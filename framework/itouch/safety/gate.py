@@ -173,6 +173,6 @@ class Gate:
         if error is not None and self.latch.number != FAULT:
             self.trouble = str(error)
             self.fault(error.trip, tick)
-        if not self.device_monitors.sane():
+        if not self.device_monitors.usable():
             self.device_monitors.mend()
         return answered

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from itouch.compiling import kernel
 from itouch.joining import SKIP
 from itouch.monitors import heat_kernels
-from itouch.monitors.readings_kernels import Believable, Memory, check
-from itouch.monitors.runaway_kernels import Look, Trust
+from itouch.monitors.readings_kernels import Memory, PlausibilityLimits, check
+from itouch.monitors.runaway_kernels import Look, SensorChecks
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -133,7 +133,8 @@ def came(tick: Any, measured: Any, taken: Any) -> int:
 
 @kernel
 def watch(
-    device: Watched, able: Believable, memory: Memory, rhythm: CheckSchedule, tick: Any, closed: int, fault: int
+    device: Watched, limits: PlausibilityLimits, memory: Memory, rhythm: CheckSchedule, tick: Any, closed: int,
+    fault: int,
 ) -> int:  # fmt: skip
     """Check the reading that has come, take it over if it is believed, and tell whether it is a monitor's turn.
 
@@ -148,7 +149,7 @@ def watch(
         seconds = (device.age[0] + rhythm.every) * rhythm.period + device.slip[0]
         if heard >= 0:  # the device may have gone on in periods that were left out
             seconds = max(seconds, (now - heard) * rhythm.period)
-        if status == fault or device.share[0] != 1.0 or check(able, memory, device.raw, seconds) != 1.0:
+        if status == fault or device.share[0] != 1.0 or check(limits, memory, device.raw, seconds) != 1.0:
             return PYTHON
         if (now - heard if heard >= 0 else rhythm.apart) >= rhythm.apart:
             device.due[0] = now
@@ -170,8 +171,8 @@ def watch(
 @kernel
 def ask(
     one: Asked, clocks: Clocks, rhythm: CheckSchedule, status: Any, tick: Any, plate: heat_kernels.Plate,
-    allowed: heat_kernels.Allowed, trust: Trust, memory: heat_kernels.Memory, seen: Floats, sent: Floats, number: int,
-    closed: int,
+    allowed: heat_kernels.Allowed, checks: SensorChecks, memory: heat_kernels.Memory, seen: Floats, sent: Floats,
+    number: int, closed: int,
 ) -> int:  # fmt: skip
     """Let the monitor of a plate look if it is its turn; ``number``: which of the device's monitors it is.
 
@@ -187,5 +188,5 @@ def ask(
     at, time, seconds = moment(clocks, checked, tick[0], rhythm.period)
     one.checked[0] = now
     look, fresh = Look(at, time, seconds, one.touched[0] != 0), clocks.heard[0] > checked
-    one.said[0] = heat_kernels.check(plate, allowed, trust, memory, seen, sent, look, fresh)
+    one.said[0] = heat_kernels.check(plate, allowed, checks, memory, seen, sent, look, fresh)
     return 0 if one.said[0] == one.share[0] else TOLD + number

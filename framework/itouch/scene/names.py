@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from itouch.scene.source import Attribute, Node
 from itouch.scene.uncertain_parts import Named
-from itouch.schema.diagnostics import Adviser, Place, Problem, meant
+from itouch.schema.diagnostics import Place, Problem, Suggestions, meant
 
 _KINDS = {"material": "material", "device": "device", "probe": "probe"}
 #: Names (before the dot) under which State and recordings have what belongs to no single element.
@@ -115,20 +115,20 @@ class Names:
             if entry.name not in known.get(entry.kind, {}) and entry.name not in self.stray:
                 missing.setdefault(entry.kind, []).append(entry)
         for kind, entries in missing.items():
-            adviser = Adviser(list(known.get(kind, {})), f"the scene's {kind} names are")
-            strange = {entry.name for entry in entries if adviser.mend(entry.name) is None}
+            suggestions = Suggestions(list(known.get(kind, {})), f"the scene's {kind} names are")
+            strange = {entry.name for entry in entries if suggestions.mend(entry.name) is None}
             unread = sum(entry.kind == kind for entry in self.nameless)
             for entry in entries:
                 if entry.name in strange and len(strange) <= unread:
                     continue  # it may be the name that could not be read
-                advice = adviser.advise(entry.name) or f"define a {kind}"
+                advice = suggestions.advise(entry.name) or f"define a {kind}"
                 if entry.section == "rates" and meant(
                     entry.name, ["servo"]
                 ):  # there, what is no modality's is the loop's
                     advice = "did you mean 'servo'?"
                 sentence = f"there is no {kind} named '{entry.name}'"
                 # never mended by guessing: a person must say which device acts on whom, and which finger is meant
-                mend = adviser.mend(entry.name) if kind not in ("device", "probe") else None
+                mend = suggestions.mend(entry.name) if kind not in ("device", "probe") else None
                 yield Problem("unknown-name", sentence, entry.place, advice, mend=mend)
 
 

@@ -179,8 +179,8 @@ def did_you_mean(word: str, known: Iterable[str], what: str = "known") -> str:
     return f"{what}: {shown}{', ...' if len(names) > 12 else ''}"
 
 
-class Adviser:
-    """Advises as ``did_you_mean`` does, for many words and the same known ones, up to a number of comparisons."""
+class Suggestions:
+    """Suggestions like those of ``did_you_mean``, for many words, in a limited number of comparisons."""
 
     #: Greatest number of comparisons: about a second's work.
     ENOUGH = 100_000

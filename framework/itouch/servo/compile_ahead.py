@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from itouch.gc_policy import seldom_for_good
+from itouch.gc_policy import keep_collections_rare
 from itouch.servo.parent_process import end_with
 
 
@@ -74,5 +74,5 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    seldom_for_good()
+    keep_collections_rare()
     sys.exit(main(sys.argv[1:]))

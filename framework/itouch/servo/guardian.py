@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from itouch.gc_policy import seldom_for_good
+from itouch.gc_policy import keep_collections_rare
 from itouch.servo import control_block as at
 from itouch.servo import realtime, twin_protocol
 from itouch.servo.guardian_link import OWN
@@ -73,8 +73,8 @@ class Process:
         return self.letter in _GONE or self.ending
 
 
-class LastWords:
-    """Measures how long a silent process has had, from now on, to tell the cause.
+class GracePeriod:
+    """The grace period of a silent process: measures how long it has had, from now on, to tell the cause.
 
     A process that runs out of memory, or that others crowd out on a busy machine, is silent long before it knows the
     cause; killed at once, it would never tell.  Its processor time is what counts, so that it gets longer on a busy
@@ -116,7 +116,7 @@ class Guardian:
         self._why, self._said, self._stays_safe = "hung", "", False
         #: For how long [s] there was no heartbeat when that was noticed.
         self._silent = 0.0
-        self._last_words: LastWords | None = None
+        self._grace_period: GracePeriod | None = None
         self._looked = monotonic()
         #: Devices that the loop could not reach and the guardian has made safe, as in ``UNSENT``.
         self._helped = 0
@@ -137,8 +137,8 @@ class Guardian:
                 self._words[at.STOP] = 1
             self._prepare()
             self._was_armed = bool(self._words[at.ARMED])
-            if self._last_words is not None:
-                if self._silent_for_good(self._last_words):
+            if self._grace_period is not None:
+                if self._silent_for_good(self._grace_period):
                     return self._end_it()
             elif self._hangs() and not self._may_speak():
                 return self._end_it()
@@ -216,16 +216,16 @@ class Guardian:
         if not self._stays_safe or self._orphaned is not None or process is None or process.gone:
             return False
         self._words[at.STOP] = 1
-        self._last_words = LastWords()
+        self._grace_period = GracePeriod()
         return True
 
-    def _silent_for_good(self, last_words: LastWords) -> bool:
+    def _silent_for_good(self, grace_period: GracePeriod) -> bool:
         process = self._process()
         if process is None:
             return False  # its file descriptor is about to tell its end
         if self._segment.phase >= at.ENDING and not self._was_armed and not process.gone:
             return self._hangs()  # it has recovered, and ends in order: files are finished
-        return self._orphaned is not None or last_words.over(process)
+        return self._orphaned is not None or grace_period.over(process)
 
     def _died(self) -> str:
         if self._said:
@@ -345,5 +345,5 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    seldom_for_good()
+    keep_collections_rare()
     sys.exit(main(sys.argv[1:]))

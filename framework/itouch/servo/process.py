@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from itouch.gc_policy import seldom_for_good
+from itouch.gc_policy import keep_collections_rare
 from itouch.platforms import lives, signals
 from itouch.process_exit import end_in_order, end_soon
 from itouch.servo import control_block as at
@@ -144,6 +144,6 @@ def _end_on_signals(segment: SharedMemory) -> None:
 
 
 if __name__ == "__main__":
-    seldom_for_good()
+    keep_collections_rare()
     code = main(sys.argv[1:])
     end_in_order(code)

@@ -24,7 +24,7 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class RealtimeSetting:
     """One attempt: what was tried, whether it worked, and what was found or what to do."""
 
     what: str
@@ -43,7 +43,7 @@ def _reason() -> str:
     return os.strerror(ctypes.get_errno())
 
 
-def take_priority(priority: int) -> Effort:
+def take_priority(priority: int) -> RealtimeSetting:
     """Ask for the real-time scheduling class SCHED_FIFO; child processes start without it."""
     try:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
@@ -51,27 +51,29 @@ def take_priority(priority: int) -> Effort:
     except (OSError, AttributeError) as error:
         allowed = limit("RLIMIT_RTPRIO")
         advice = f"this user may use real-time priority up to {allowed}; `itouch-py doctor` says how to change that"
-        return Effort("real-time priority", False, f"not given ({getattr(error, 'strerror', error)}): {advice}")
-    return Effort("real-time priority", True, f"SCHED_FIFO {priority}")
+        return RealtimeSetting(
+            "real-time priority", False, f"not given ({getattr(error, 'strerror', error)}): {advice}"
+        )
+    return RealtimeSetting("real-time priority", True, f"SCHED_FIFO {priority}")
 
 
-def lock_memory(*, as_touched: bool = False) -> Effort:
+def lock_memory(*, as_touched: bool = False) -> RealtimeSetting:
     """Keep the whole process in memory, now and later; ``as_touched``: each page only from its first use on."""
     if _libc().mlockall(_MCL_CURRENT | _MCL_FUTURE | (_MCL_ONFAULT if as_touched else 0)) == 0:
-        return Effort("memory lock", True, "all pages stay in memory")
+        return RealtimeSetting("memory lock", True, "all pages stay in memory")
     allowed = limit("RLIMIT_MEMLOCK")
-    return Effort("memory lock", False, f"not given ({_reason()}): this user may lock {allowed >> 20} MiB")
+    return RealtimeSetting("memory lock", False, f"not given ({_reason()}): this user may lock {allowed >> 20} MiB")
 
 
-def sharpen_timer() -> Effort:
+def sharpen_timer() -> RealtimeSetting:
     """Let sleeps end on time: set the kernel's timer slack."""
     nanoseconds = ctypes.c_ulong(round(TIMER_SLACK * 1e9))
     nothing = ctypes.c_ulong(0)
     if not sys.platform.startswith("linux"):
-        return Effort("timer slack", False, "stays as this system has it")
+        return RealtimeSetting("timer slack", False, "stays as this system has it")
     if _libc().prctl(_PR_SET_TIMERSLACK, nanoseconds, nothing, nothing, nothing) == 0:
-        return Effort("timer slack", True, f"{TIMER_SLACK * 1e6:g} us")
-    return Effort("timer slack", False, f"stays as it is ({_reason()})")
+        return RealtimeSetting("timer slack", True, f"{TIMER_SLACK * 1e6:g} us")
+    return RealtimeSetting("timer slack", False, f"stays as it is ({_reason()})")
 
 
 def isolated_cpus(folder: str = "/sys/devices/system/cpu") -> set[int]:
@@ -87,29 +89,31 @@ def isolated_cpus(folder: str = "/sys/devices/system/cpu") -> set[int]:
     return found
 
 
-def choose_cpu() -> Effort:
+def choose_cpu() -> RealtimeSetting:
     """Pin the process to an isolated processor; without one, the scheduler chooses better than we could."""
     free = sorted(isolated_cpus() & set(range(os.cpu_count() or 1)))
     if not free:
-        return Effort(
+        return RealtimeSetting(
             "processor", False, "not pinned: no processor is isolated from other work (kernel parameter isolcpus)"
         )
     try:
         os.sched_setaffinity(0, {free[-1]})
     except OSError as error:
-        return Effort("processor", False, f"not pinned ({error.strerror})")
-    return Effort("processor", True, f"pinned to {free[-1]}, which is isolated")
+        return RealtimeSetting("processor", False, f"not pinned ({error.strerror})")
+    return RealtimeSetting("processor", True, f"pinned to {free[-1]}, which is isolated")
 
 
-def freeze_garbage() -> Effort:
+def freeze_garbage() -> RealtimeSetting:
     """Collect garbage once, then exempt all present objects from collections, and switch these off."""
     gc.collect()
     gc.freeze()
     gc.disable()
-    return Effort("garbage collector", True, f"{gc.get_freeze_count()} objects frozen, off while the loop runs")
+    return RealtimeSetting(
+        "garbage collector", True, f"{gc.get_freeze_count()} objects frozen, off while the loop runs"
+    )
 
 
-def be_punctual(priority: int = SERVO_PRIORITY) -> tuple[Effort, ...]:
+def be_punctual(priority: int = SERVO_PRIORITY) -> tuple[RealtimeSetting, ...]:
     """Make all these attempts, for a servo process that is about to run."""
     sys.setswitchinterval(SWITCH_INTERVAL)
     return take_priority(priority), lock_memory(), sharpen_timer(), choose_cpu(), freeze_garbage()

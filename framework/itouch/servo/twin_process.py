@@ -11,7 +11,7 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 
-from itouch.gc_policy import seldom_for_good
+from itouch.gc_policy import keep_collections_rare
 from itouch.servo.parent_process import end_with
 
 
@@ -31,5 +31,5 @@ def main(argv: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    seldom_for_good()
+    keep_collections_rare()
     sys.exit(main(sys.argv[1:]))

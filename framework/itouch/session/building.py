@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 
-from itouch.gc_policy import seldom
+from itouch.gc_policy import rare_collections
 from itouch.loop import Clock
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
@@ -101,7 +101,7 @@ def choose_twins(scene: Scene, twin: str) -> Scene:
     return replace(scene, devices=tuple(devices))
 
 
-@seldom()
+@rare_collections()
 def build(
     scene: str | os.PathLike[str] | Scene,
     *,
@@ -141,7 +141,7 @@ def build(
     return Session.of(description, catalog=plugins, seed=seed, clock=clock)
 
 
-@seldom()
+@rare_collections()
 def restore(
     path: str | os.PathLike[str], *, clock: Clock | None = None, catalog: Catalog | None = None, opens: bool = True
 ) -> Session:

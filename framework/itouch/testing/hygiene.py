@@ -184,11 +184,11 @@ def _kept(files: dict[str, str], threads: set[threading.Thread], born: set[int])
     return found + [f"the processes ({number} was started)" for number in children() - born]
 
 
-class _MishapError(Exception):
+class _ProbeError(Exception):
     """An error in the middle of a call."""
 
 
-class _Trap(Record):
+class _AccessProbe(Record):
     """A record that raises an error at its ``at``-th look-up, if one is given, and counts look-ups."""
 
     def __init__(self, record: Record, error: BaseException | None, at: int) -> None:
@@ -219,28 +219,28 @@ def errors_come_through(harness: Harness) -> str:
 
 def _come_through(workload: Workload, call: Call) -> int:
     name, record, function = call
-    clean = _Trap(record, None, 0)
+    clean = _AccessProbe(record, None, 0)
     deadline = time.perf_counter() + 0.5
     while not clean.looks and time.perf_counter() < deadline:  # a driver has a new reading only now and then
         function(clean)
     for at in range(1, min(clean.looks, 8) + 1):
-        for error in (_MishapError("an error that the suite made"), KeyboardInterrupt()):
+        for error in (_ProbeError("an error that the suite made"), KeyboardInterrupt()):
             _provoke(workload.what, name, record, function, error, at)
     return 2 * min(clean.looks, 8)
 
 
 def _provoke(what: str, name: str, record: Record, function: Callable[[Record], Any], error: Any, at: int) -> None:
-    plain = isinstance(error, _MishapError)
+    plain = isinstance(error, _ProbeError)
     deadline = time.perf_counter() + 0.5
     while time.perf_counter() < deadline:
-        trap = _Trap(record, error, at)
+        probe = _AccessProbe(record, error, at)
         try:
-            function(trap)
+            function(probe)
         except BaseException as seen:
             if plain or not isinstance(seen, Exception):
                 return
         else:
-            if trap.looks < at:  # this time it made fewer look-ups
+            if probe.looks < at:  # this time it made fewer look-ups
                 continue
         raise _fail(
             f"{what}'s {name} swallows {'an error' if plain else 'KeyboardInterrupt (Ctrl-C)'} from within it",

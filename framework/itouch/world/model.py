@@ -32,7 +32,7 @@ from itouch.world.recorded_motion import RecordedMotion, recorded_motion
 from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, orientation
 from itouch.world.scene_files import SceneFile, SceneFiles
-from itouch.world.skin_source import unfelt
+from itouch.world.skin_source import waits_without_skin_reading
 from itouch.world.surfaces import build_effects, build_friction, check_effects, contact_of, read_textures
 from itouch.world.virtual_coupling import Coupling, couplings, on_bodies, relied, stable_effects
 
@@ -289,7 +289,7 @@ def _compile_scene(scene: Scene, catalog: Catalog, *, whole: bool = True) -> tup
     )  # fmt: skip
     felt = all(one.name in devices for one in scene.devices) or not any(one.severity == "error" for one in problems)
     if whole and felt:
-        problems += unfelt(model)
+        problems += waits_without_skin_reading(model)
     return model, problems
 
 

@@ -23,7 +23,7 @@ from itouch.schema.plugin_errors import ReturnedError, error_text, failing, fail
 from itouch.schema.quantities import QuantityError, parse_quantity
 from itouch.world import class_queries
 from itouch.world.limits import DeviceLimits, resolve
-from itouch.world.safe_values import acting_at_rest, stale, too_slow, unfelt, with_safe_values
+from itouch.world.safe_values import acting_at_rest, stale, too_slow, unmeasured_force, with_safe_values
 from itouch.world.scene_files import SceneFiles
 from itouch.world.state_fields import declared_by
 from itouch.world.supervision import monitors_of, supervision, supervision_problems, watched
@@ -267,7 +267,9 @@ def _build(
     mount = (*element.mount.pos, *orientation(element.mount, scene, problems))
     calibration = element.calibration
     touch_off = calibration.points if calibration is not None and calibration.method == "touch-off" else 0
-    problems += unfelt(element.name, reads, commands, place, twin=bool(element.twin), touch_off=bool(touch_off))
+    problems += unmeasured_force(
+        element.name, reads, commands, place, twin=bool(element.twin), touch_off=bool(touch_off)
+    )
     model = DeviceModel(
         element.name, element.plugin, cls, params, reads, commands, mount, element.mount.mount_error, element.mount.on,
         limits, bool(element.twin), element.optional, touch_off, scene.world.temperature,

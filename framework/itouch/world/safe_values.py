@@ -123,7 +123,7 @@ def stale(
     yield Problem("stale-readings", sentence, place, advice, severity="warning")
 
 
-def unfelt(
+def unmeasured_force(
     name: str,
     reads: Sequence[Channel],
     commands: Sequence[Channel],

@@ -100,7 +100,7 @@ def skin_of(model: CompiledScene, probe: Finger) -> SkinSource | None:
     return None
 
 
-def unfelt(model: CompiledScene) -> Iterator[Problem]:
+def waits_without_skin_reading(model: CompiledScene) -> Iterator[Problem]:
     """Find waits for a skin whose temperature nothing tells."""
     for probe in model.probes:
         if probe.operator is None:

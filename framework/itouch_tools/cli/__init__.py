@@ -14,7 +14,7 @@ from importlib import import_module
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from itouch.gc_policy import seldom_for_good
+from itouch.gc_policy import keep_collections_rare
 from itouch.process_exit import AT_ONCE
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code: 0 done, 1 a fault while running, 2 wrong input."""
     if argv is None:
         _note_interrupts()
-        seldom_for_good()
+        keep_collections_rare()
     try:
         return _main(argv)
     except KeyboardInterrupt:  # before a command began, or after it

@@ -75,7 +75,7 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
 
     from itouch.plugin.discovery import Catalog
     from itouch_tools.study.observer_catalog import observer_of
-    from itouch_tools.study.power import library, toucher
+    from itouch_tools.study.power import library, touch_runner
     from itouch_tools.study.power import power as powers
 
     if options.studies < 1:
@@ -83,7 +83,7 @@ def power(file: StudyFile, options: argparse.Namespace) -> int:
         return 2
     observer_of(options.model)
     with waiting("power of equivalence") as wait:
-        felt = library(file, toucher(file, Catalog()), told=wait.part)
+        felt = library(file, touch_runner(file, Catalog()), told=wait.part)
         wait.part(None, "drawing panels")
         found = powers(
             file, felt, options.panel, model=options.model, repetitions=options.repetitions, studies=options.studies,

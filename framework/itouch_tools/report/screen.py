@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from itouch.loop.contact_report import status
 from itouch.loop.plate_notices import missed_plates
-from itouch.loop.skin_waits import vain_waits, waiting_now
+from itouch.loop.skin_waits import unrecovered_waits, waiting_now
 from itouch.schema.terminal import VERBOSITY, colours, control, is_terminal, number_of, plain
 from itouch_tools.report import columns
 from itouch_tools.viewer.fault_messages import outcome, what
@@ -164,7 +164,7 @@ class Screen:
 
 def _noted(engine: Followed) -> tuple[str, ...]:
     """Return the notes so far that are each said once, when they come up."""
-    return (*missed_plates(engine.model, engine.state), *vain_waits(engine.model, engine.state))
+    return (*missed_plates(engine.model, engine.state), *unrecovered_waits(engine.model, engine.state))
 
 
 def _waited(report: dict[str, Any]) -> list[str]:

@@ -22,7 +22,7 @@ from itouch_tools.study.observer_catalog import observer_of
 from itouch_tools.study.observers import Felt, Observer, Person
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.tasks import is_right
-from itouch_tools.study.touches import Presented, Toucher
+from itouch_tools.study.touches import Presented, TouchRunner
 from itouch_tools.study.trials import Trial
 
 #: Finger temperatures [degC] at which the twins are touched: the mean, and one standard deviation to both sides, of the
@@ -40,7 +40,7 @@ class PowerError(ItouchError):
 
 
 class Touches(Protocol):
-    """Makes touches; see `Toucher`."""
+    """Makes touches; see `TouchRunner`."""
 
     def touch(self, condition: Mapping[str, str], seed: int) -> Presented:
         """Return a touch."""
@@ -88,9 +88,9 @@ def library(
     return found
 
 
-def toucher(file: StudyFile, catalog: Catalog) -> Callable[[float], Touches]:
+def touch_runner(file: StudyFile, catalog: Catalog) -> Callable[[float], Touches]:
     """Return a function that returns what makes touches on the twins with a finger of a temperature [K]."""
-    return lambda kelvin: Toucher(file, catalog, skin_temperature=kelvin)
+    return lambda kelvin: TouchRunner(file, catalog, skin_temperature=kelvin)
 
 
 def power(

@@ -29,7 +29,7 @@ from itouch.world import DeviceModel, Model
 from itouch_tools.study.machine import Sensed
 from itouch_tools.study.reading import StudyFile
 from itouch_tools.study.study_store import StoredSession
-from itouch_tools.study.touches import STILL, IntervalRecorder, Presented, Toucher, TouchError, felt_by, steer_hands
+from itouch_tools.study.touches import STILL, IntervalRecorder, Presented, TouchError, TouchRunner, felt_by, steer_hands
 
 Result = TypeVar("Result")
 #: Name of the mark in a session that a fault has stopped.
@@ -83,7 +83,7 @@ class SceneSwitcher:
         self._file, self._catalog, self._seed = file, catalog, seed
         #: The clock that paces the loop.
         self.clock = clock
-        self._models = Toucher(file, catalog)
+        self._models = TouchRunner(file, catalog)
         self._session: Session | None = None
         self._feeling: IntervalRecorder | None = None
         self.condition: Mapping[str, str] = {}

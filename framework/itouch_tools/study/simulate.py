@@ -33,7 +33,7 @@ from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.study_elements import TASKS
 from itouch_tools.study.study_store import Row, Store, StoreError
 from itouch_tools.study.tasks import is_right, taken_answer
-from itouch_tools.study.touches import Toucher, figures
+from itouch_tools.study.touches import TouchRunner, figures
 from itouch_tools.study.trials import Trial
 
 #: Beginning of the session's name in rows of simulated trials, which have no recording.
@@ -78,7 +78,7 @@ class Simulation:
         person = Person.drawn(self._rng("person"), biased=panel.model == "naive", answers=levels)
         self.observer = observer_of(panel.model)(person)
         skin = person.finger_temperature if panel.skin else None
-        self._toucher = Toucher(file, catalog, skin_temperature=skin)
+        self._touch_runner = TouchRunner(file, catalog, skin_temperature=skin)
         self._known: dict[str, dict[str, Felt]] = {}
         #: The session's name in the rows: it says who answered.
         self.session = f"{SIMULATED}-{panel.model}{'' if panel.skin else '-same-skin'}"
@@ -101,7 +101,9 @@ class Simulation:
     def _trial(self, due: NextTrial, rows: Sequence[Row]) -> Row:
         trial, place = due.trial, due.place
         seeds = self._rng("touch", str(place)).integers(2**31, size=len(due.shown))
-        touches = [self._toucher.touch(condition, int(seed)) for condition, seed in zip(due.shown, seeds, strict=True)]
+        touches = [
+            self._touch_runner.touch(condition, int(seed)) for condition, seed in zip(due.shown, seeds, strict=True)
+        ]
         void = next((touch.void for touch in touches if touch.void), "")
         rng = self._rng("answer", str(place))
         answer, right = ("", None) if void else self._answer(trial, [touch.felt for touch in touches], rng)
@@ -146,7 +148,7 @@ class Simulation:
         key = repr(sorted(others.items()))
         if key not in self._known:
             self._known[key] = {
-                level: self._toucher.touch({**condition, asked: level}, 0).felt for level in self._levels()
+                level: self._touch_runner.touch({**condition, asked: level}, 0).felt for level in self._levels()
             }
         return self._known[key]
 

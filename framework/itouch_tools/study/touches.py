@@ -72,7 +72,7 @@ def deep_temperature(skin: np.ndarray[Any, np.dtype[np.float64]], period: float,
     return skin[0] + np.convolve(steps, answer)[: len(skin)]
 
 
-class Toucher:
+class TouchRunner:
     """Makes touches of a study's conditions; the model of each condition is compiled once."""
 
     def __init__(self, file: StudyFile, catalog: Catalog, *, skin_temperature: float | None = None) -> None:

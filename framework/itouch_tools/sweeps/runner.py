@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from itouch.gc_policy import seldom_for_good
+from itouch.gc_policy import keep_collections_rare
 
 _PR_SET_PDEATHSIG = 1
 
@@ -97,5 +97,5 @@ def _end_with_parent() -> None:
 
 
 if __name__ == "__main__":
-    seldom_for_good()
+    keep_collections_rare()
     sys.exit(main())

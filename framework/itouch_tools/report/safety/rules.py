@@ -40,7 +40,7 @@ def alone(model: Model) -> Iterator[str]:
             yield device.name
 
 
-def unfelt(model: Model) -> Iterator[str]:
+def without_force_reading(model: Model) -> Iterator[str]:
     """Yield the names of devices that carry a surface to a finger and measure no force."""
     for device in model.devices.values():
         carries = any(channel.role is Role.SURFACE_POSE for channel in device.commands)
@@ -51,7 +51,7 @@ def unfelt(model: Model) -> Iterator[str]:
 def _all(model: Model) -> Iterator[Rule]:
     dies = "outputs safe within 200 ms, by the guardian process or the device's own watchdog"
     yield Rule("W2", "all", "death of the servo process", "", dies, "", DEFAULT)
-    for name in unfelt(model):
+    for name in without_force_reading(model):
         watched = "nothing: no limit of force watches it"
         yield Rule(
             "K4", name, "force of the surface on the finger", "unknown: the device measures none", watched, "", ""
