@@ -129,14 +129,14 @@ def test_a_gamepad_leads_without_a_window_as_fast_as_its_arm_says(
     session = itouch.build(scene(tmp_path, "gamepad"))
     monkeypatch.setattr("itouch.arms.gamepad.find_pad", lambda: Pad(Sticks()))
     monkeypatch.setattr(arm_input.time, "monotonic", lambda: clock[0])
-    leader = arm_input.without_window(session.model, real=True)
-    assert leader is not None
+    gamepad = arm_input.without_window(session.model, real=True)
+    assert gamepad is not None
     for _ in range(3):
         clock[0] += 0.05
-        leader.lead(Handle())  # type: ignore[arg-type]
+        gamepad.lead(Handle())  # type: ignore[arg-type]
     clock[0] += 5.0  # nothing was asked for so long: no leap
-    leader.lead(Handle())  # type: ignore[arg-type]
-    leader.close()
+    gamepad.lead(Handle())  # type: ignore[arg-type]
+    gamepad.close()
     steps = [value["step"] for what, value in said[:-1]]  # type: ignore[index]
     np.testing.assert_allclose(steps, [(0.003, -0.0015, 0.003)] * 3 + [(0.006, -0.003, 0.006)])
     assert said[-1] == ("closed", None)
@@ -148,7 +148,7 @@ def test_a_session_that_has_ended_meanwhile_is_no_error(tmp_path: Path) -> None:
             raise ServoError("the session has ended")
 
     pad = SimpleNamespace(device=None, leftx=1.0, lefty=0.0, righty=0.0, open=lambda: None, close=lambda: None)
-    arm_input.Leader(Pad(pad), "finger", 0.06).lead(Ended())  # type: ignore[arg-type]
+    arm_input.GamepadInput(Pad(pad), "finger", 0.06).lead(Ended())  # type: ignore[arg-type]
 
 
 def test_what_is_attached_is_told_with_the_reason_if_it_is_of_no_use(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from itouch_evidence import bench_sound, sound_analysis
-from itouch_tools.sound import Bank
+from itouch_tools.sound import ModeBank
 from itouch_tools.sound.modal import RATE
 
 
@@ -50,7 +50,7 @@ def test_modes_and_their_damping_are_found_in_samples_alone(seed):
     asked = sorted(zip(rng.choice(np.arange(2, 40), count, replace=False).tolist(), losses.tolist(), strict=True))
     frequencies = [250.0 * place for place, _ in asked]
     decays = [2.2 / (loss * frequency) for (_, loss), frequency in zip(asked, frequencies, strict=True)]
-    bank = Bank(frequencies, decays, [1.0] * len(asked))
+    bank = ModeBank(frequencies, decays, [1.0] * len(asked))
     bank.strike(0.3)
     found = sound_analysis.modes(np.round(bank.render(900) * 32767) / 32767, len(asked))
     for (place, loss), (frequency, seen, _) in zip(asked, found, strict=True):

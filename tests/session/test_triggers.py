@@ -210,10 +210,10 @@ def test_the_far_end_is_the_emulated_box_or_a_port_that_is_read_whole(box: Termi
     line = os.open(box.path, os.O_WRONLY | os.O_NOCTTY)
     try:
         for port, terminal, send in ((None, box, partial(os.write, line)), (box.path, None, box.send)):
-            with sync.FarEnd(port, terminal) as far:
+            with sync.LoopbackReader(port, terminal) as reader:
                 begin = time.monotonic_ns()
                 send(bytes((1, 9)))
-                arrived = far.wait(9)
+                arrived = reader.wait(9)
                 assert arrived is not None and begin <= arrived <= time.monotonic_ns()
     finally:
         os.close(line)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import itouch
 from itouch.schema import ItouchError
 from itouch_evidence.bench_sound import peaks
-from itouch_tools.sound import Bank, SoundTrack, Synth, write_wav
+from itouch_tools.sound import ModeBank, SoundTrack, Synth, write_wav
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.sliding import Sliding
 from itouch_tools.sound.synth import limited
@@ -37,7 +37,7 @@ frequencies = st.lists(st.floats(100, 12000), min_size=1, max_size=5).filter(
 @settings(max_examples=40, deadline=None)
 @given(frequencies, st.floats(0.01, 5.0))
 def test_a_stroke_has_the_modes_that_were_asked_for(asked, speed):
-    bank = Bank(asked, [0.3] * len(asked), [1.0] * len(asked))
+    bank = ModeBank(asked, [0.3] * len(asked), [1.0] * len(asked))
     bank.strike(speed)
     heard = sorted(peaks(bank.render(RATE // 2), len(asked)))
     np.testing.assert_allclose(heard, sorted(asked), atol=8.0)
@@ -45,7 +45,7 @@ def test_a_stroke_has_the_modes_that_were_asked_for(asked, speed):
 
 @pytest.mark.parametrize("decay", [0.05, 0.3, 1.5])
 def test_a_mode_dies_away_by_sixty_decibels_in_its_time(decay):
-    bank = Bank([997.0], [decay], [1.0])
+    bank = ModeBank([997.0], [decay], [1.0])
     bank.strike(1.0)
     samples = bank.render(round(1.2 * decay * RATE))
     window = RATE // 100
@@ -58,7 +58,7 @@ def test_a_mode_dies_away_by_sixty_decibels_in_its_time(decay):
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=20), st.integers(1, 700))
 def test_any_strokes_in_any_blocks_are_finite_and_bounded(speeds, block):
-    bank = Bank([300.0, 5000.0], [0.5, 0.1], [1.0, 0.3])
+    bank = ModeBank([300.0, 5000.0], [0.5, 0.1], [1.0, 0.3])
     for speed in speeds:
         bank.strike(speed)
         samples = limited(bank.render(block))
@@ -66,7 +66,7 @@ def test_any_strokes_in_any_blocks_are_finite_and_bounded(speeds, block):
 
 
 def test_blocks_of_any_size_give_the_same_sound():
-    whole, parts = (Bank([440.0, 2000.0], [0.3, 0.2], [1.0, 0.4]) for _ in range(2))
+    whole, parts = (ModeBank([440.0, 2000.0], [0.3, 0.2], [1.0, 0.4]) for _ in range(2))
     whole.strike(0.5)
     parts.strike(0.5)
     pieces = [parts.render(size) for size in (1, 47, 48, 480, 1000, 424)]
@@ -74,7 +74,7 @@ def test_blocks_of_any_size_give_the_same_sound():
 
 
 def test_a_stroke_never_jumps():
-    bank = Bank([6000.0, 900.0], [0.3, 0.5], [1.0, 1.0])
+    bank = ModeBank([6000.0, 900.0], [0.3, 0.5], [1.0, 1.0])
     made = []
     for speed in (0.0, 3.0, 0.2, 10.0):
         bank.strike(speed)
@@ -86,7 +86,7 @@ def test_a_stroke_never_jumps():
 
 def test_faster_strokes_are_louder_and_brighter():
     def heard(speed: float) -> tuple[float, float]:
-        bank = Bank([500.0, 8000.0], [0.3, 0.3], [1.0, 1.0])
+        bank = ModeBank([500.0, 8000.0], [0.3, 0.3], [1.0, 1.0])
         bank.strike(speed)
         size = np.abs(np.fft.rfft(bank.render(RATE // 4)))
         low, high = size[:500].max(), size[1500:].max()

@@ -15,7 +15,7 @@ from shipped import SCENES
 import itouch
 from itouch_evidence.bench_sound import peaks
 from itouch_tools.cli import main
-from itouch_tools.sound import Bank, SoundTrack, Synth
+from itouch_tools.sound import ModeBank, SoundTrack, Synth
 from itouch_tools.sound.modal import RATE
 from itouch_tools.sound.sliding import FULL_FORCE, FULL_SPEED, Sliding
 from itouch_tools.sound.synth import (
@@ -223,7 +223,7 @@ modes = st.lists(
 @given(modes, st.lists(st.floats(allow_nan=True), max_size=6), st.integers(1, 999))
 def test_whatever_a_scene_may_say_is_finite_and_bounded(asked, speeds, block):
     frequencies, decays, gains = zip(*asked, strict=True) if asked else ((), (), ())
-    bank = Bank(frequencies, decays, gains)
+    bank = ModeBank(frequencies, decays, gains)
     for speed in [*speeds, 1.0]:
         bank.strike(speed)
         samples = limited(bank.render(block))
@@ -231,7 +231,7 @@ def test_whatever_a_scene_may_say_is_finite_and_bounded(asked, speeds, block):
 
 
 def test_a_mode_that_dies_at_once_is_a_click_and_no_division_by_zero() -> None:
-    bank = Bank([440.0, 4000.0], [0.0, 1e-12], [1.0, 1.0])
+    bank = ModeBank([440.0, 4000.0], [0.0, 1e-12], [1.0, 1.0])
     bank.strike(1.0)
     samples = bank.render(480)
     assert np.isfinite(samples).all() and np.abs(samples).max() > 0.0

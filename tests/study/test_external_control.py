@@ -203,22 +203,22 @@ def test_a_line_without_an_end_and_too_many_are_hung_up_on(served: Other) -> Non
 
 
 def test_strangers_who_say_nothing_keep_nobody_out(tmp_path: Path) -> None:
-    with StudyServer(tmp_path / "key.json") as door:
-        known = socket.create_connection(("127.0.0.1", door.port), timeout=600.0)
+    with StudyServer(tmp_path / "key.json") as server:
+        known = socket.create_connection(("127.0.0.1", server.port), timeout=600.0)
         known.sendall(json.dumps({"token": json.loads((tmp_path / "key.json").read_text())["token"]}).encode() + b"\n")
-        while not any(caller.known for caller in door.callers):
-            door.look(0.1)
+        while not any(caller.known for caller in server.callers):
+            server.look(0.1)
         silent = []
         for _ in range(3 * MOST):
-            silent.append(socket.create_connection(("127.0.0.1", door.port), timeout=600.0))
-            door.look(1.0)
-        assert len(door.callers) == MOST
-        assert sum(caller.known for caller in door.callers) == 1
-        late = socket.create_connection(("127.0.0.1", door.port), timeout=600.0)
+            silent.append(socket.create_connection(("127.0.0.1", server.port), timeout=600.0))
+            server.look(1.0)
+        assert len(server.callers) == MOST
+        assert sum(caller.known for caller in server.callers) == 1
+        late = socket.create_connection(("127.0.0.1", server.port), timeout=600.0)
         late.sendall(json.dumps({"token": json.loads((tmp_path / "key.json").read_text())["token"]}).encode() + b"\n")
         for _ in range(4):
-            door.look(1.0)
-        assert sum(caller.known for caller in door.callers) == 2
+            server.look(1.0)
+        assert sum(caller.known for caller in server.callers) == 2
         for line in (known, late, *silent):
             line.close()
 

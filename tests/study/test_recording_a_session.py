@@ -143,8 +143,8 @@ class Keeps(Modality):
 
 
 @pytest.fixture
-def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SceneSwitcher]:
-    """The room of a study of which each condition has other fields of State."""
+def switcher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SceneSwitcher]:
+    """The scene switcher of a study of which each condition has other fields of State."""
     listed = "[itouch.modalities]\nkeeper.keeps = keeper:Keeps\n"
     monkeypatch.syspath_prepend(str(strangers.install(tmp_path / "site", "keeper", listed, code=KEEPS)))
     path = write_study(tmp_path)
@@ -162,21 +162,21 @@ def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SceneSwitc
     assert [len(read(file).losses) for file in tmp_path.glob("*.mcap")] == [0] * len(list(tmp_path.glob("*.mcap")))
 
 
-def touch(room: SceneSwitcher, kept: str) -> tuple[int, int]:
+def touch(switcher: SceneSwitcher, kept: str) -> tuple[int, int]:
     """Touch the block once in a condition, and return the first and the last tick."""
-    room.present({"material": "wood", "kept": kept})
-    first = room.session.ticks
-    room.go()
-    room.run(lambda: room.session.done)
-    return first, room.session.ticks - 1
+    switcher.present({"material": "wood", "kept": kept})
+    first = switcher.session.ticks
+    switcher.go()
+    switcher.run(lambda: switcher.session.done)
+    return first, switcher.session.ticks - 1
 
 
-def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path, room: SceneSwitcher) -> None:
+def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path, switcher: SceneSwitcher) -> None:
     """Each change of State began a file, a hundred of them in a session; hardware refused to be recorded."""
     spans = {name: list[tuple[int, int]]() for name in ("few", "many")}
     for kept in ("few", "many", "many", "few", "many"):
-        spans[kept].append(touch(room, kept))
-    room.close()
+        spans[kept].append(touch(switcher, kept))
+    switcher.close()
     assert sorted(path.name for path in tmp_path.glob("*.mcap")) == ["P1-1.2.mcap", "P1-1.mcap"]
     for name, kept in (("P1-1", "few"), ("P1-1.2", "many")):
         recording = read(tmp_path / f"{name}.mcap")
@@ -192,12 +192,12 @@ def test_scenes_whose_states_have_other_fields_share_a_recording(tmp_path: Path,
 
 
 def test_few_recordings_are_open_at_a_time(
-    tmp_path: Path, room: SceneSwitcher, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, switcher: SceneSwitcher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each has a process and its memory; what is needed again after its end begins another file."""
     monkeypatch.setattr(scene_switching, "OPEN", 1)
-    spans = [touch(room, kept) for kept in ("few", "many", "few")]
-    room.close()
+    spans = [touch(switcher, kept) for kept in ("few", "many", "few")]
+    switcher.close()
     names = ("P1-1", "P1-1.2", "P1-1.3")
     assert sorted(path.stem for path in tmp_path.glob("*.mcap")) == sorted(names)
     for name, (first, last) in zip(names, spans, strict=True):
@@ -206,34 +206,36 @@ def test_few_recordings_are_open_at_a_time(
         assert {first, last} <= set(recording.ticks.tolist())
 
 
-def test_samples_that_are_lost_between_two_scenes_are_told(tmp_path: Path, room: SceneSwitcher) -> None:
+def test_samples_that_are_lost_between_two_scenes_are_told(tmp_path: Path, switcher: SceneSwitcher) -> None:
     """Ticks in another file are not lost; those after another scene has begun are."""
-    touch(room, "few")
-    touch(room, "many")
-    room.present({"material": "wood", "kept": "few"})
-    recorder = room.session.recorder
+    touch(switcher, "few")
+    touch(switcher, "many")
+    switcher.present({"material": "wood", "kept": "few"})
+    recorder = switcher.session.recorder
     assert recorder is not None
-    room.session.taps.remove(recorder.tap)
-    room.session.run(0.005)
-    room.session.taps.append(recorder.tap)
-    room.session.run(0.005)
-    room.close()
+    switcher.session.taps.remove(recorder.tap)
+    switcher.session.run(0.005)
+    switcher.session.taps.append(recorder.tap)
+    switcher.session.run(0.005)
+    switcher.close()
     recording = read(tmp_path / "P1-1.mcap")
     assert recording.lost == 5 and "5 samples were lost while recording" in recording.losses
     (tmp_path / "P1-1.mcap").unlink()
 
 
-def test_a_recording_of_which_no_session_goes_on_is_ended_with_the_others(tmp_path: Path, room: SceneSwitcher) -> None:
+def test_a_recording_of_which_no_session_goes_on_is_ended_with_the_others(
+    tmp_path: Path, switcher: SceneSwitcher
+) -> None:
     """Also where its writing process has died meanwhile, which is told when a session goes on in it."""
-    touch(room, "few")
-    recorder = room.session.recorder
+    touch(switcher, "few")
+    recorder = switcher.session.recorder
     assert recorder is not None
-    touch(room, "many")
+    touch(switcher, "many")
     os.kill(recorder.process_id, signal.SIGKILL)
-    touch(room, "few")
-    assert ["the writing process died" in loss for loss in room.losses] == [True]
-    touch(room, "many")
-    assert room.session.recorder is None  # what can't be recorded whole is not recorded in parts
-    room.close()
+    touch(switcher, "few")
+    assert ["the writing process died" in loss for loss in switcher.losses] == [True]
+    touch(switcher, "many")
+    assert switcher.session.recorder is None  # what can't be recorded whole is not recorded in parts
+    switcher.close()
     assert read(tmp_path / "P1-1.2.mcap").whole
     (tmp_path / "P1-1.mcap").unlink()

@@ -38,13 +38,13 @@ class Slow:
 def test_who_reads_slowly_is_waited_for_until_too_much_waits(
     waiting: int, room: int, gone: bool, tmp_path: Path
 ) -> None:  # fmt: skip
-    door, line = StudyServer(tmp_path / "key.json"), Slow(room)
+    server, line = StudyServer(tmp_path / "key.json"), Slow(room)
     caller = Caller(line, 0.0, known=True, going=bytearray(waiting))  # type: ignore[arg-type]
-    door.callers.append(caller)
-    door._send(caller)
-    assert (caller.gone, line.closed, caller in door.callers) == (gone, gone, not gone)
+    server.callers.append(caller)
+    server._send(caller)
+    assert (caller.gone, line.closed, caller in server.callers) == (gone, gone, not gone)
     assert len(caller.going) == waiting - room
-    door.close()
+    server.close()
 
 
 class Latched:

@@ -231,12 +231,12 @@ def test_time_between_two_sessions_counts_for_how_often_one_may_re_arm(
     """The servo's clock stands still between two processes: who had waited for a minute was told to wait for ever."""
     file, clock = load_study(tmp_path / "study.xml", Catalog()), [1e9]
     monkeypatch.setattr("itouch_tools.study.scene_switching.time.time", lambda: clock[0])
-    room = SceneSwitcher(file, Catalog(), seed=1)
-    room.prepare(file.conditions()[0])
-    room.session.state["tick"] = 40_000
-    room.session.state["lift.rearmed"] = [39_000, 30_000, 20_000, 10_000, 3_000]
-    note_stop(room.session)
-    stood = room.standing(-1)
+    switcher = SceneSwitcher(file, Catalog(), seed=1)
+    switcher.prepare(file.conditions()[0])
+    switcher.session.state["tick"] = 40_000
+    switcher.session.state["lift.rearmed"] = [39_000, 30_000, 20_000, 10_000, 3_000]
+    note_stop(switcher.session)
+    stood = switcher.standing(-1)
     for seconds, left in (
         (0.0, [39_000, 30_000, 20_000, 10_000, 3_000]),
         (25.0, [14_000, 5_000, -1, -1, -1]),

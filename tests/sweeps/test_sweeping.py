@@ -26,7 +26,7 @@ from itouch_tools.sweeps.cost_estimate import estimate
 from itouch_tools.sweeps.engines import Engine, EngineLostError, NoEngineError
 from itouch_tools.sweeps.running import Running
 from itouch_tools.sweeps.sweep_client import Client, SweepError, Swept
-from itouch_tools.sweeps.sweep_elements import Enough, Stop
+from itouch_tools.sweeps.sweep_elements import Stop, StopCriterion
 from itouch_tools.sweeps.sweep_progress import Progress
 from itouch_tools.sweeps.sweep_reading import load_sweep
 from itouch_tools.sweeps.sweep_store import PLAN, RUNS, paths_of, rows, table
@@ -189,7 +189,7 @@ def test_pilots_tell_runs_time_size_and_keys_that_nobody_has(tmp_path: Path) -> 
 
 
 def test_a_sweep_ends_when_enough_is_known_or_too_much_fails() -> None:
-    enough = Progress(100, 0, Stop(enough=(Enough(result="x", half_width=0.5, at_least=10),)))
+    enough = Progress(100, 0, Stop(enough=(StopCriterion(result="x", half_width=0.5, at_least=10),)))
     values = [random.Random(1).gauss(3.0, 0.2) for _ in range(12)]
     for index, value in enumerate(values):
         assert not enough.ended_by() or index >= 10

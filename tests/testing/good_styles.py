@@ -146,18 +146,18 @@ class ThreadedSlider(Slider):
 
     def open(self) -> None:
         super().open()
-        self._news: deque[tuple[float, float, float]] = deque(maxlen=4)
+        self._new_events: deque[tuple[float, float, float]] = deque(maxlen=4)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="slider")
         self._thread.start()
 
     def _listen(self) -> None:
         while not self._over.wait(0.002):
-            self._news.append((0.0, 0.0, 0.0))
+            self._new_events.append((0.0, 0.0, 0.0))
 
     def read(self, reading: Record) -> bool:
         try:
-            place = self._news.popleft()
+            place = self._new_events.popleft()
         except IndexError:
             return False
         reading["pose"] = (*place, 1.0, 0.0, 0.0, 0.0)

@@ -31,7 +31,7 @@ from itouch_tools.viewer.scene_graph import SceneGraph
 from itouch_tools.viewer.temperatures import plate_temperature
 from itouch_tools.viewer.web import Access
 from itouch_tools.viewer.web.access import COOKIE, Gate, Request
-from itouch_tools.viewer.web.browser_scene import Scenery
+from itouch_tools.viewer.web.browser_scene import BrowserScene
 
 viser = pytest.importorskip("viser")
 import msgspec  # noqa: E402
@@ -151,18 +151,18 @@ def served(server: Any) -> Iterator[Served]:
     ("scene", "steps"), [("four_materials_hurried.xml", 3), ("first_touch.xml", 4), ("moving.xml", 2)]
 )
 def test_what_is_sent_is_where_the_state_says(scene: str, steps: int, server: Any, served: Served) -> None:
-    from itouch_tools.viewer.web.browser_scene import Scenery
+    from itouch_tools.viewer.web.browser_scene import BrowserScene
 
     server.scene.reset()
     server.gui.reset()
     engine = itouch.build(SCENES / scene)
-    scenery = Scenery(server, engine.model, engine.state)
+    browser_scene = BrowserScene(server, engine.model, engine.state)
     pushed = 0
     with served.look() as line:
         client = Client(line)
         for step in range(steps):
             engine.run(0.5)
-            scenery.show(engine.state, f"step {step}")
+            browser_scene.show(engine.state, f"step {step}")
             client.until(f"step {step}")
             state = engine.state
             for index, name in enumerate(engine.model.objects):
@@ -205,7 +205,7 @@ def test_a_browser_begins_with_everything_in_the_picture() -> None:
     assert np.abs(middle).max() > 1e-3, "it would be in the middle anyway"
     server: Any = SimpleNamespace(initial_camera=SimpleNamespace(), scene=mock.MagicMock())
     itself: Any = SimpleNamespace(_model=session.model, _server=server)
-    Scenery._look(itself, session.state)
+    BrowserScene._look(itself, session.state)
     assert server.initial_camera.look_at == pytest.approx(middle)
     assert 0.6 * size < np.linalg.norm(server.initial_camera.position - middle) < 2.0 * size
 
@@ -213,20 +213,20 @@ def test_a_browser_begins_with_everything_in_the_picture() -> None:
 def test_a_browser_that_comes_later_sees_the_same_and_a_still_session_sends_nothing(
     server: Any, served: Served
 ) -> None:
-    from itouch_tools.viewer.web.browser_scene import Scenery
+    from itouch_tools.viewer.web.browser_scene import BrowserScene
 
     server.scene.reset()
     server.gui.reset()
     engine = itouch.build(SCENES / "first_touch.xml")
-    scenery = Scenery(server, engine.model, engine.state)
+    browser_scene = BrowserScene(server, engine.model, engine.state)
     engine.run(0.5)
-    scenery.show(engine.state, "there")
+    browser_scene.show(engine.state, "there")
     with served.look() as line:
         client = Client(line)
         client.until("there")
         finger = engine.model.probes[0].name
         assert client.pose(client.path(f"{finger}:hip"))[:3] == pytest.approx(engine.state[f"{finger}.hip"], abs=1e-6)
-        scenery.show(engine.state, "there")
+        browser_scene.show(engine.state, "there")
         with pytest.raises(TimeoutError):
             line.recv(timeout=0.3)
     engine.close()

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _LONGEST = 0.1
 
 
-class Leader:
+class GamepadInput:
     """A gamepad that leads the hand of one probe in a launched session."""
 
     def __init__(self, pad: Pad, probe: str, speed: float) -> None:
@@ -44,7 +44,7 @@ class Leader:
         self._pad.close()
 
 
-def without_window(model: Model, *, real: bool) -> Leader | None:
+def without_window(model: Model, *, real: bool) -> GamepadInput | None:
     """Return the gamepad that leads the finger of a scene run without a window; None: the scene's operator leads it.
 
     Parameters
@@ -68,7 +68,7 @@ def without_window(model: Model, *, real: bool) -> Leader | None:
             reason = "a gamepad leads it in real time only"
             if real:
                 try:
-                    return Leader(find_pad(), probe.name, arm.params.speed)
+                    return GamepadInput(find_pad(), probe.name, arm.params.speed)
                 except PadError as error:
                     reason = f"gamepad: {error}"
         operator = probe.operator

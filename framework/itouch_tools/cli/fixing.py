@@ -50,7 +50,7 @@ def fixed(path: str, examine: Callable[[str], Sequence[Problem]]) -> Fixed | Non
         return None
     before = Path(path).read_bytes()
     data, done = before, []
-    with _beside(path) as copy:
+    with temporary_copy(path) as copy:
         shown = path
         for _ in range(_ROUNDS):
             data_then, now = mended(data, shown, problems)
@@ -81,7 +81,7 @@ def _write(copy: str, data: bytes, path: str) -> None:
         raise ItouchError(f"cannot mend '{path}': {error.strerror}") from None
 
 
-class _beside:  # noqa: N801 - used as a context, like those of contextlib
+class temporary_copy:  # noqa: N801 - used as a context, like those of contextlib
     """The name of a copy in a scene's folder, so that its relative paths still hold; the copy is removed afterwards."""
 
     def __init__(self, path: str) -> None:
@@ -116,7 +116,7 @@ def show_and_write(path: str, found: Fixed | None, *, write: bool) -> None:
         print(f"{path}: {words} can be fixed; nothing was written", file=sys.stderr)
         return
     target = os.path.realpath(path)  # a symbolic link stays a link
-    with _beside(target) as copy:
+    with temporary_copy(target) as copy:
         _write(copy, found.after.encode("utf-8"), path)
         try:
             shutil.copymode(target, copy)

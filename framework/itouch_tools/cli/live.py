@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from itouch.servo import Handle
     from itouch.session import Session
     from itouch.world import Model
-    from itouch_tools.cli.arm_input import Leader
+    from itouch_tools.cli.arm_input import GamepadInput
     from itouch_tools.report.screen import Screen
 
 #: Period [s] at which the terminal is updated.
@@ -38,7 +38,9 @@ def needed(session: Session) -> bool:
     return any(not device.twin or device.remote for device in session.model.devices.values())
 
 
-def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, leader: Leader | None = None) -> int:
+def run(
+    options: argparse.Namespace, stop: Stopping, *, window: bool = False, gamepad: GamepadInput | None = None
+) -> int:
     """Run in real time, in a window if that is asked for, or led by a gamepad, and return the exit code."""
     from itouch.servo import ServoError
     from itouch_tools.cli import arm_input
@@ -51,9 +53,9 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
     windows.tell(options, opened=window)
     with handle:
         try:
-            if not window and leader is None:
-                leader = arm_input.without_window(Shown(handle).model, real=True)
-            code, error = _follow(handle, stop, window=window, mute=options.mute, leader=leader)
+            if not window and gamepad is None:
+                gamepad = arm_input.without_window(Shown(handle).model, real=True)
+            code, error = _follow(handle, stop, window=window, mute=options.mute, gamepad=gamepad)
             write_report(options.report, handle.report)
             if error is not None:
                 raise error
@@ -61,8 +63,8 @@ def run(options: argparse.Namespace, stop: Stopping, *, window: bool = False, le
             print(error, file=sys.stderr)
             return 1
         finally:
-            if leader is not None:
-                leader.close()
+            if gamepad is not None:
+                gamepad.close()
     if options.save:
         did(f"saved {options.save}")
     return code
@@ -101,7 +103,7 @@ def _launched(options: argparse.Namespace, stop: Stopping, *, window: bool) -> H
 
 
 def _follow(
-    handle: Handle, stop: Stopping, *, window: bool, mute: bool, leader: Leader | None
+    handle: Handle, stop: Stopping, *, window: bool, mute: bool, gamepad: GamepadInput | None
 ) -> tuple[int, ItouchError | None]:
     """Show the session until it ends, on the terminal and in a window if that is asked for.
 
@@ -127,15 +129,15 @@ def _follow(
     try:
         if window:
             windows.show(handle, look, mute=mute)
-        while not handle.wait(_EVERY if leader is None else _LOOK):
+        while not handle.wait(_EVERY if gamepad is None else _LOOK):
             show()
             losses.look()
             if held is not None:
                 held.look()
             if handle.faults:  # there is no window in which a person could see the fault and re-arm
                 handle.request_stop()
-            if leader is not None:
-                leader.lead(handle)
+            if gamepad is not None:
+                gamepad.lead(handle)
     except DeviceFaultError:
         code = 1
     except ItouchError as raised:

@@ -55,9 +55,9 @@ def _start(options: argparse.Namespace, stop: Stopping) -> int:
     if options.pace is None and live.needed(session):
         return live.run(options, stop)
     _refuse_hardware(session)
-    leader = arm_input.without_window(session.model, real=options.pace is None and not _drawn(options))
-    if leader is not None:
-        return live.run(options, stop, leader=leader)
+    gamepad = arm_input.without_window(session.model, real=options.pace is None and not _drawn(options))
+    if gamepad is not None:
+        return live.run(options, stop, gamepad=gamepad)
     from itouch_tools.report.screen import Screen
     from itouch_tools.viewer.fault_messages import told
 

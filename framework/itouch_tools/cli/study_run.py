@@ -73,8 +73,8 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
                 made += 1
                 told = outcome_of(row.void, again=session.course.comes_again(row))
                 print(f"trial {row.place + 1}: {told}", flush=True)
-                if session.room.losses and not lost:
-                    lost.append(session.room.losses[0])
+                if session.switcher.losses and not lost:
+                    lost.append(session.switcher.losses[0])
                     print(f"the session is not recorded any more: {lost[0]}", file=sys.stderr)
         except Stopped as why:
             said = f" ({why})" if str(why) else ""

@@ -1,4 +1,4 @@
-"""``itouch-py study serve``: let another program lead the touch, through the study's door."""
+"""``itouch-py study serve``: let another program lead the touch, through the study's server."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
     Raises
     ------
     ItouchError
-        If the door can't be opened, or the scene can't be presented.
+        If the server can't be opened, or the scene can't be presented.
     """
     from itouch.loop import DeviceFaultError, VirtualClock
     from itouch.loop.clock import WallClock
@@ -57,9 +57,9 @@ def serve(file: StudyFile, options: argparse.Namespace) -> int:
     with Stopping() as stop:
         try:
             served = Served(file, Catalog(), StudyServer(key, options.port), clock=clock, seed=options.seed)
-            with served.door as door:
+            with served.server as server:
                 stop.bind(served.end)
-                print(f"'{file.name}' is served on port {door.port} of this machine; the key is in {key}", flush=True)
+                print(f"'{file.name}' is served on port {server.port} of this machine; the key is in {key}", flush=True)
                 served.run()
         except Interrupted as signalled:
             return signalled.code

@@ -108,23 +108,26 @@ def measure(scene: str, count: int, port: str | None, seed: int) -> list[Delays]
     try:
         wire = port or (terminal.path if terminal else "")
         keep = Outputs(records=False, trigger=wire)
-        with FarEnd(port, terminal) as far, launch(scene, twin="all", seconds=600.0 + count, keep=keep) as handle:
+        with (
+            LoopbackReader(port, terminal) as reader,
+            launch(scene, twin="all", seconds=600.0 + count, keep=keep) as handle,
+        ):
             while handle.running and handle.link.tick < _SETTLED:
                 time.sleep(_LOOK)
-            return _marks(handle.link, far, count, random.Random(seed))
+            return _marks(handle.link, reader, count, random.Random(seed))
     finally:
         if terminal is not None:
             terminal.close()
 
 
-class FarEnd:
-    """The far end of the wire: it says when a code arrives."""
+class LoopbackReader:
+    """Reads the far end of the wire, which may be looped back: it says when a code arrives."""
 
     def __init__(self, port: str | None, terminal: Terminal | None) -> None:
         self._port, self._terminal = port, terminal
         self._handle = -1
 
-    def __enter__(self) -> FarEnd:
+    def __enter__(self) -> LoopbackReader:
         if self._port is None:
             return self
         try:
@@ -157,7 +160,7 @@ class FarEnd:
             return b""
 
 
-def _marks(link: Link, far: FarEnd, count: int, rng: random.Random) -> list[Delays]:
+def _marks(link: Link, reader: LoopbackReader, count: int, rng: random.Random) -> list[Delays]:
     """Set marks at random times; return their delays since they were asked for, and since their tick."""
     state, follower = link.state, link.follow()
     asked: list[float] = []
@@ -168,7 +171,7 @@ def _marks(link: Link, far: FarEnd, count: int, rng: random.Random) -> list[Dela
         code, before = 1 + number % 255, int(state["marks.count"])
         begun = time.monotonic_ns()
         link.command("mark", {"name": "sync", "payload": {"code": code}})
-        came = far.wait(code)
+        came = reader.wait(code)
         if came is None:
             continue
         asked.append(1e-9 * (came - begun))

@@ -3,8 +3,8 @@
 ``Synth`` turns States into samples; ``write_wav`` writes them to a file, ``itouch_tools.sound.player`` plays them.
 """
 
-from itouch_tools.sound.modal import Bank
+from itouch_tools.sound.modal import ModeBank
 from itouch_tools.sound.synth import Synth
 from itouch_tools.sound.wav import SoundTrack, write_wav
 
-__all__ = ["Bank", "SoundTrack", "Synth", "write_wav"]
+__all__ = ["ModeBank", "SoundTrack", "Synth", "write_wav"]

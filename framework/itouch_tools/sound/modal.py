@@ -29,7 +29,7 @@ def loudness(speed: float) -> float:
     return speed / (speed + HALF_SPEED) if math.isfinite(speed) and speed > 0.0 else 1.0 if speed == math.inf else 0.0
 
 
-class Bank:
+class ModeBank:
     """A bank of damped modes, and how each is ringing now.
 
     Parameters

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch_tools.sound.modal import RATE
-from itouch_tools.sound.texture_profile import Needle, Way
+from itouch_tools.sound.texture_profile import TextureReader, Way
 
 #: Number of points of the rough profile, which then repeats, and how many of them make a grain.
 _PLACES, _PER_GRAIN = 1 << 15, 8.0
@@ -46,7 +46,7 @@ class Sliding:
         self._profile = np.append(surface(), 0.0)
         self._profile[-1] = self._profile[0]
         self._place, self._step, self._level = 0.0, 0.0, 0.0
-        self._needle = Needle(FOLLOW)
+        self._reader = TextureReader(FOLLOW)
 
     @property
     def silent(self) -> bool:
@@ -86,7 +86,7 @@ class Sliding:
         index = places.astype(int)
         rest = places - index
         heard = self._profile[index] * (1.0 - rest) + self._profile[index + 1] * rest
-        relief = self._needle.read(way, count)
+        relief = self._reader.read(way, count)
         if relief is not None:
             heard = heard * np.maximum(0.0, 1.0 + RELIEF * relief) + RELIEF * relief
         made: NDArray[np.float64] = heard * levels

@@ -13,7 +13,7 @@ from itouch.loop import Status
 from itouch.plugin import Contact, Record
 from itouch.scene.elements.sound import Sound
 from itouch.world import Model
-from itouch_tools.sound.modal import RATE, Bank
+from itouch_tools.sound.modal import RATE, ModeBank
 from itouch_tools.sound.sliding import Sliding
 from itouch_tools.sound.texture_profile import Relief, Way, reliefs, turned
 
@@ -34,7 +34,7 @@ class _Voice:
     """What one object sounds like."""
 
     sound: Sound
-    bank: Bank
+    bank: ModeBank
     relief: Relief | None
 
 
@@ -151,6 +151,6 @@ def _voice(model: Model, material: str, found_reliefs: Mapping[str, Relief]) -> 
     if found is None or found.sound is None or found.sound.loudness == 0.0:
         return None
     sound, modes = found.sound, found.sound.modes
-    bank = Bank([m.frequency for m in modes], [m.decay for m in modes], [m.gain for m in modes],
+    bank = ModeBank([m.frequency for m in modes], [m.decay for m in modes], [m.gain for m in modes],
                 level=0.5 * sound.loudness)  # fmt: skip
     return _Voice(sound, bank, found_reliefs.get(material))

@@ -51,8 +51,8 @@ class Way(NamedTuple):
     rows: float
 
 
-class Needle:
-    """Follows a relief without steps in the sound, even where one relief gives way to another."""
+class TextureReader:
+    """Reads the heights of a relief along a way, without steps in the sound, also where one relief follows another."""
 
     def __init__(self, follow: float) -> None:
         self._follow = follow

@@ -1,8 +1,9 @@
 """Can the condition be guessed from anything but the contact's heat and force?  A classifier tries, over many trials.
 
-Trials run through the same machine and room as a participant's.  The features of each are how long the phases before
-the touch and after the answer lasted, how the table moved and sounded (its acceleration), how noisy the display's
-current was, and what the screens showed: they draw a face, which holds no condition, so its changes stand for pixels.
+Trials run through the same machine and scene switcher as a participant's.  The features of each are how long the phases
+before the touch and after the answer lasted, how the table moved and sounded (its acceleration), how noisy the
+display's current was, and what the screens showed: they draw a face, which holds no condition, so its changes stand for
+pixels.
 """
 
 from __future__ import annotations
@@ -162,24 +163,24 @@ def observe(
     rng = orders.generator(seed, "audit")
     conditions = file.conditions()
     order = [int(index) for _ in range(-(-trials // len(conditions))) for index in rng.permutation(len(conditions))]
-    room = SceneSwitcher(file, catalog, seed=seed)
+    switcher = SceneSwitcher(file, catalog, seed=seed)
     labels: list[str] = []
     table: list[list[float]] = []
     try:
         for count, index in enumerate(order[:trials]):
             condition = conditions[index]
             labels.append(", ".join(condition.values()))
-            table.append(_features(file, room, condition, float(rng.gamma(4.0, 0.25))))
+            table.append(_features(file, switcher, condition, float(rng.gamma(4.0, 0.25))))
             told(count + 1)
     finally:
-        room.close()
+        switcher.close()
     return labels, np.array(table)
 
 
-def _features(file: StudyFile, room: SceneSwitcher, condition: Mapping[str, str], reaction: float) -> list[float]:
+def _features(file: StudyFile, switcher: SceneSwitcher, condition: Mapping[str, str], reaction: float) -> list[float]:
     """Run one trial, and return its features in the order of `GROUPS`."""
-    feeling = room.present(condition)
-    machine, ear = Machine(rules_of(file.study, feeling.index, 1, None)), _ApproachSignals(room.session)
+    feeling = switcher.present(condition)
+    machine, ear = Machine(rules_of(file.study, feeling.index, 1, None)), _ApproachSignals(switcher.session)
     lasted = dict.fromkeys(Phase, 0.0)
     faces = 0
 
@@ -187,17 +188,17 @@ def _features(file: StudyFile, room: SceneSwitcher, condition: Mapping[str, str]
         before = machine.phase
         if before in (Phase.SKIN, Phase.APPROACH, Phase.GO):
             ear.hear()
-        lasted[before] += room.session.model.period
-        machine.step(room.sensed())
+        lasted[before] += switcher.session.model.period
+        machine.step(switcher.sensed())
         if machine.phase is Phase.ANSWER and machine.since() >= reaction:
             machine.answered()
         return machine.phase is not before
 
     while machine.phase is not Phase.END:
-        room.run(until)
+        switcher.run(until)
         faces += 1
         if machine.phase is Phase.GO:
-            room.go()
+            switcher.go()
         elif machine.phase is Phase.JUDGE:
             machine.judged("")  # only the contact's heat and force could make it void, and they do not count here
     speed, acceleration, current = ear.told()

@@ -1,6 +1,6 @@
 """A study led by another program, which sets what is touched, gives the signal, waits, reads what was felt, and marks.
 
-Requests come in through the door and are carried out between two ticks, one at a time.  On the virtual clock time
+Requests come in through the server and are carried out between two ticks, one at a time.  On the virtual clock time
 passes only while a caller waits for something, so that the same requests give the same answers.
 """
 
@@ -23,7 +23,7 @@ from itouch_tools.study.scene_switching import SceneSwitcher
 from itouch_tools.study.server import Request, StudyServer
 from itouch_tools.study.touches import felt_by, figures
 
-#: Longest wait [s] that a caller may ask for, and how long [s] the door is watched in one go while time stands still.
+#: Longest wait [s] that a caller may ask for, and how long [s] the server is watched in one go while time stands still.
 LONGEST_WAIT, REST = 3600.0, 0.1
 
 
@@ -46,14 +46,14 @@ class Waiting:
 
 
 class Served:
-    """Runs a room as callers ask.
+    """Runs the scenes of a study as callers ask.
 
     Parameters
     ----------
     file, catalog
         The study, whose factors and staircases can be set.
-    door
-        The door through which requests come in.
+    server
+        The server through which requests come in.
     clock
         The loop's clock.
     seed
@@ -65,12 +65,12 @@ class Served:
         If the first condition can't be presented.
     """
 
-    def __init__(self, file: StudyFile, catalog: Catalog, door: StudyServer, *, clock: Clock, seed: int = 0) -> None:
-        self._file, self.door, self._virtual = file, door, clock.pace != "real"
-        self.room = SceneSwitcher(file, catalog, seed=seed, clock=clock)
-        self.room.on_wait = self._waited
+    def __init__(self, file: StudyFile, catalog: Catalog, server: StudyServer, *, clock: Clock, seed: int = 0) -> None:
+        self._file, self.server, self._virtual = file, server, clock.pace != "real"
+        self.switcher = SceneSwitcher(file, catalog, seed=seed, clock=clock)
+        self.switcher.on_wait = self._waited
         self._levels = self._first()
-        self.room.prepare(self._levels)
+        self.switcher.prepare(self._levels)
         self._went = False
         self._waits: list[Waiting] = []
         self._outside: Callable[[], None] | None = None
@@ -95,12 +95,12 @@ class Served:
             If a device failed; it was made safe, and all waiting callers were told.
         """
         try:
-            self.room.begin()
+            self.switcher.begin()
             while not self.ended:
                 if self._virtual and not self._waits:
                     self._look(REST)
                 else:
-                    self.room.run(self._step)
+                    self.switcher.run(self._step)
                 if self._outside is not None:
                     act, self._outside = self._outside, None
                     act()
@@ -109,7 +109,7 @@ class Served:
             raise
         finally:
             self._tell_all("ended", "the served study has ended")
-            self.room.close()
+            self.switcher.close()
 
     def end(self) -> None:
         """Ask for the end; may be called from a signal handler."""
@@ -118,7 +118,7 @@ class Served:
     def _step(self) -> bool:
         """Do what is due after a tick; return whether the loop must pause or end."""
         if self._waits:
-            self._meet(self.room.sensed())
+            self._meet(self.switcher.sensed())
         self._look(0.0)
         return self.ended or self._outside is not None or (self._virtual and not self._waits)
 
@@ -131,15 +131,17 @@ class Served:
             if gone or so or over or sensed.seconds >= one.until:
                 self._waits.remove(one)
                 if not gone:
-                    self.door.answer(one.request, met=so, **self._told(sensed))
+                    self.server.answer(one.request, met=so, **self._told(sensed))
 
     def _look(self, rest: float) -> None:
-        request = self.door.look(rest)
+        request = self.server.look(rest)
         if request is None:
             return
         act = self._words.get(request.what)
         if act is None:
-            self.door.refuse(request, "unknown-word", f"there is no '{request.what}'; words: {', '.join(self._words)}")
+            self.server.refuse(
+                request, "unknown-word", f"there is no '{request.what}'; words: {', '.join(self._words)}"
+            )
             return
         self._guarded(act, request)
 
@@ -147,23 +149,23 @@ class Served:
         try:
             act(request)
         except AskedError as error:
-            self.door.refuse(request, error.code, str(error))
+            self.server.refuse(request, error.code, str(error))
         except SceneError as error:
-            self.door.refuse(request, "bad-level", "; ".join(problem.sentence for problem in error.problems))
+            self.server.refuse(request, "bad-level", "; ".join(problem.sentence for problem in error.problems))
         except (DeviceFaultError, DeviceError):
             raise
         except (ItouchError, ValueError, TypeError, KeyError) as error:
-            self.door.refuse(request, "refused", str(error) or type(error).__name__)
+            self.server.refuse(request, "refused", str(error) or type(error).__name__)
 
     def _tell_all(self, code: str, sentence: str) -> None:
         for one in self._waits:
-            self.door.refuse(one.request, code, sentence)
+            self.server.refuse(one.request, code, sentence)
         self._waits.clear()
 
     def _describe(self, request: Request) -> None:
         study = self._file.study
-        self.door.answer(
-            request, study=self._file.name, object=study.contact.object_, period_s=self.room.session.model.period,
+        self.server.answer(
+            request, study=self._file.name, object=study.contact.object_, period_s=self.switcher.session.model.period,
             pace="fast" if self._virtual else "real",
             factors={factor.name: list(factor.names) for factor in study.factors},
             staircases={one.name: {"low": one.low, "high": one.high, "unit": one.unit} for one in study.staircases},
@@ -181,7 +183,7 @@ class Served:
             raise AskedError(
                 "excluded", f"the study leaves out '{excluded.where}': set other levels, all of them in the same 'set'"
             )
-        if self.room.sensed().object >= 0:
+        if self.switcher.sensed().object >= 0:
             raise AskedError("in-contact", "the scene can't change while something is touched: wait for the release")
 
         def present() -> None:
@@ -190,23 +192,23 @@ class Served:
         self._outside = present
 
     def _waited(self, cue: str) -> None:
-        """Look at the door while the rig waits for a person, so that a caller may end the study meanwhile."""
-        request = self.door.look(0.0)
+        """Look at the server while the rig waits for a person, so that a caller may end the study meanwhile."""
+        request = self.server.look(0.0)
         if request is not None and request.what == "stop":
             self._stop(request)
             raise Stopped
         if request is not None:
             said = {"lift": "the finger to lift", "hold": "somebody to hold the dead-man's switch"}[cue]
-            self.door.refuse(request, "busy", f"the rig waits for {said}")
+            self.server.refuse(request, "busy", f"the rig waits for {said}")
 
     def _presented(self, request: Request, levels: dict[str, str]) -> None:
         try:
-            self.room.present(levels)
+            self.switcher.present(levels)
         except (SceneError, SessionError):
-            self.room.wake()  # the previous scene goes on
+            self.switcher.wake()  # the previous scene goes on
             raise
         self._levels, self._went = levels, False
-        self.door.answer(request, levels=levels, **self._told(self.room.sensed()))
+        self.server.answer(request, levels=levels, **self._told(self.switcher.sensed()))
 
     def _level(self, name: str, value: Any) -> str:
         study = self._file.study
@@ -223,17 +225,17 @@ class Served:
         return f"{number:.9g}"
 
     def _go(self, request: Request) -> None:
-        self.room.go()
+        self.switcher.go()
         self._went = True
-        self.door.answer(request, **self._told(self.room.sensed()))
+        self.server.answer(request, **self._told(self.switcher.sensed()))
 
     def _wait(self, request: Request) -> None:
-        given, wanted = request.given, self.room.feeling.index
+        given, wanted = request.given, self.switcher.feeling.index
         seconds = _number(given.get("seconds", 60.0), "'seconds'", 0.0, LONGEST_WAIT)
         what = str(given.get("for", "seconds"))
         skin = 0.0
         if what == "skin":
-            if not self.room.feeling.measures_skin:
+            if not self.switcher.feeling.measures_skin:
                 raise AskedError("no-skin", "nothing of this scene measures the skin's temperature")
             skin = 273.15 + _number(given.get("skin_degC"), "'skin_degC'", -50.0, 100.0)
         within = _number(given.get("within_K", 0.5), "'within_K'", 0.0, 100.0)
@@ -246,18 +248,18 @@ class Served:
         }
         if what not in so:
             raise AskedError("unknown-word", f"'{what}' is not a thing to wait for; there are {', '.join(so)}")
-        sensed = self.room.sensed()
+        sensed = self.switcher.sensed()
         if so[what](sensed):
-            self.door.answer(request, met=True, **self._told(sensed))
+            self.server.answer(request, met=True, **self._told(sensed))
             return
         self._waits.append(Waiting(request, so[what], sensed.seconds + seconds, what))
 
     def _now(self, request: Request) -> None:
-        self.door.answer(request, **self._told(self.room.sensed()))
+        self.server.answer(request, **self._told(self.switcher.sensed()))
 
     def _told(self, sensed: Sensed) -> dict[str, Any]:
         """Return what can be read at any time, as copies of State's values."""
-        session = self.room.session
+        session = self.switcher.session
         state, probe = session.state, session.model.probes[0].name
         names = session.model.objects
         told: dict[str, Any] = {
@@ -271,7 +273,7 @@ class Served:
 
     def _flux(self) -> str | None:
         """Return the field of the flux out of the finger: the twin's true one, else the measured one, else None."""
-        model = self.room.session.model
+        model = self.switcher.session.model
         try:
             return felt_by(model)[0]
         except ItouchError:
@@ -284,9 +286,9 @@ class Served:
 
     def _felt(self, request: Request) -> None:
         """Answer with what was felt in the touch since the last ``set``; with ``samples`` the curves, too."""
-        if self.room.sensed().object >= 0:
+        if self.switcher.sensed().object >= 0:
             raise AskedError("in-contact", "the touch has not ended: wait for the release")
-        touch = self.room.felt("")
+        touch = self.switcher.felt("")
         told: dict[str, Any] = {"void": touch.void, "figures": figures(touch)}
         if request.given.get("samples"):
             felt = touch.felt
@@ -294,15 +296,15 @@ class Served:
                 "period_s": felt.period, "flux_W_m2": [_finite(one) for one in felt.flux],
                 "skin_degC": [_finite(one - 273.15) for one in felt.skin],
             }  # fmt: skip
-        self.door.answer(request, **told)
+        self.server.answer(request, **told)
 
     def _mark(self, request: Request) -> None:
-        session = self.room.session
+        session = self.switcher.session
         session.mark(str(request.given.get("name", "")), request.given.get("payload"))
-        self.door.answer(request, tick=session.ticks, seconds=round(session.seconds, 6))
+        self.server.answer(request, tick=session.ticks, seconds=round(session.seconds, 6))
 
     def _stop(self, request: Request) -> None:
-        self.door.answer(request, ended=True)
+        self.server.answer(request, ended=True)
         self.ended = True
 
 

@@ -29,19 +29,19 @@ class Operator(Protocol):
         """Return the notes that were written since the last call."""
 
 
-def lines_of(room: SceneSwitcher) -> list[tuple[str, bool]]:
+def lines_of(switcher: SceneSwitcher) -> list[tuple[str, bool]]:
     """Return lines on devices, dead-man's switch, readiness and losses, as pairs (words, whether all is well)."""
-    state = room.session.state
+    state = switcher.session.state
     found = []
-    for name in room.session.model.devices:
+    for name in switcher.session.model.devices:
         status = Status(int(state[f"{name}.status"]))
         found.append((f"{name}: {status.name.lower()}", status is Status.ENABLED))
-    if room.real:
-        held = room.session.held
+    if switcher.real:
+        held = switcher.session.held
         found.append(("the switch is held" if held else "the switch is not held: the devices wait", held))
-    ready = room.sensed().ready
+    ready = switcher.sensed().ready
     found.append(("ready" if ready else "not ready yet", True))
-    return [*found, *((f"not recorded: {loss}", False) for loss in room.losses[:1])]
+    return [*found, *((f"not recorded: {loss}", False) for loss in switcher.losses[:1])]
 
 
 def keep_note(folder: Path, code: str, trial: int, words: str) -> None:

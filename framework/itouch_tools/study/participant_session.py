@@ -60,8 +60,8 @@ class Run:
         #: This session of the participant, as it stands in the rows; its recording has that name, if there is one.
         self.name = _unused(recordings, code, {row.session for row in self.course.rows})
         kept = recordings / f"{self.name}.mcap" if record else None
-        self.room = SceneSwitcher(file, catalog, seed=seed, clock=clock, record=kept)
-        self.room.on_wait = lambda cue: self._wait(cue)
+        self.switcher = SceneSwitcher(file, catalog, seed=seed, clock=clock, record=kept)
+        self.switcher.on_wait = lambda cue: self._wait(cue)
         self._due: NextTrial | None = None
         self._goes_on = False
         self._described: Mapping[str, Any] = {}
@@ -90,17 +90,17 @@ class Run:
                 self._begin(due)
             while due is not None:
                 row = self._trial(due)
-                self.room.rest()
-                self.room.beside(partial(self._keep, row, self.room.standing(row.place)), whole=True)
+                self.switcher.rest()
+                self.switcher.beside(partial(self._keep, row, self.switcher.standing(row.place)), whole=True)
                 self._feed_back(row)
                 yield row
-                due = self.room.beside(self.course.next)
+                due = self.switcher.beside(self.course.next)
                 if due is not None:
                     self._attend()
                     self._rest(due)
             self._tell(self._progress("done"))
         finally:
-            self.room.close()
+            self.switcher.close()
 
     def prepare(self) -> bool:
         """Build the scene of the next trial, in the State in which the last one ended if possible; nothing runs yet.
@@ -120,9 +120,9 @@ class Run:
             return False
         self._described = self._store.described(self._code)
         stood = self._store.standing(self._code)
-        self._goes_on = stood is not None and stood.place == due.place - 1 and self.room.take_up(stood)
+        self._goes_on = stood is not None and stood.place == due.place - 1 and self.switcher.take_up(stood)
         if not self._goes_on:
-            self.room.prepare(due.shown[0])
+            self.switcher.prepare(due.shown[0])
         return True
 
     def stand(self) -> None:
@@ -133,8 +133,8 @@ class Run:
         StoreError
             If it can't be written.
         """
-        note_stop(self.room.session)
-        self._store.stand(self._code, self.room.standing(len(self.course.rows) - 1))
+        note_stop(self.switcher.session)
+        self._store.stand(self._code, self.switcher.standing(len(self.course.rows) - 1))
 
     def _keep(self, row: Row, standing: StoredSession) -> None:
         self._store.add(row, standing)
@@ -143,51 +143,51 @@ class Run:
     def _begin(self, due: NextTrial) -> None:
         """Begin the session, with a break first if one is due; measure the baseline of the skin if it is not known."""
         if self._goes_on:
-            self.room.rest()
+            self.switcher.rest()
             self._rest(due)
         else:
-            self.room.begin()
+            self.switcher.begin()
         kept = self._described.get("skin_baseline_K")
         if kept is not None:
             self._baseline = float(kept)
-        if kept is not None or not self.room.feeling.measures_skin:
+        if kept is not None or not self.switcher.feeling.measures_skin:
             return
         values: list[float] = []
-        end = self.room.session.seconds + BASELINE
+        end = self.switcher.session.seconds + BASELINE
 
         def until() -> bool:
-            sensed = self.room.sensed()
+            sensed = self.switcher.sensed()
             if sensed.skin is not None:
                 values.append(sensed.skin)
             return sensed.seconds >= end
 
-        self.room.run(until)
+        self.switcher.run(until)
         if values:
             self._baseline = sum(values) / len(values)
-            self.room.rest()
+            self.switcher.rest()
             described = {**self._described, "skin_baseline_K": round(self._baseline, 3)}
-            self.room.beside(partial(self._store.describe, self._code, described), whole=True)
+            self.switcher.beside(partial(self._store.describe, self._code, described), whole=True)
 
     def _trial(self, due: NextTrial) -> Row:
-        feeling = self.room.present(due.shown[0])
-        self.room.session.mark("trial", {"place": due.place})  # marks its beginning in the recording
+        feeling = self.switcher.present(due.shown[0])
+        self.switcher.session.mark("trial", {"place": due.place})  # marks its beginning in the recording
         machine = Machine(rules_of(self._study, feeling.index, len(due.shown), self._baseline))
-        begun = self.room.session.seconds
+        begun = self.switcher.session.seconds
         touches: list[Presented] = []
         answer, reaction = None, None
         self._said = ""
         while machine.phase is not Phase.END:
             phase = self._phase(machine)
             if phase is Phase.GO:
-                self.room.go()
+                self.switcher.go()
             elif phase is Phase.JUDGE:
                 touches.append(self._felt(machine))
-                if self.room.real:  # what follows needs no devices, so nobody need hold the switch for it
-                    self.room.rest()
-                    machine.step(self.room.sensed())
+                if self.switcher.real:  # what follows needs no devices, so nobody need hold the switch for it
+                    self.switcher.rest()
+                    machine.step(self.switcher.sensed())
                 machine.judged(touches[-1].void)
                 if machine.phase is Phase.SKIN:
-                    self.room.present(due.shown[machine.interval])
+                    self.switcher.present(due.shown[machine.interval])
             if machine.phase is Phase.ANSWER:
                 answer, reaction = self._asked(machine, due)
         if machine.void and not touches:
@@ -195,19 +195,19 @@ class Run:
         return self._row(due, machine.void, touches, answer, reaction, begun)
 
     def _felt(self, machine: Machine) -> Presented:
-        return replace(self.room.felt(machine.void), back=machine.back[-1] if machine.back else None)
+        return replace(self.switcher.felt(machine.void), back=machine.back[-1] if machine.back else None)
 
     def _phase(self, machine: Machine) -> Phase:
         """Run until the machine enters another phase, and return that phase."""
         before = machine.phase
 
         def until() -> bool:
-            machine.step(self.room.sensed())
+            machine.step(self.switcher.sensed())
             self._display(machine)
             return machine.phase is not before
 
         try:
-            self.room.run(until)
+            self.switcher.run(until)
         except DeviceFaultError as error:
             machine.fail(f"fault: {error}")
             raise
@@ -220,7 +220,7 @@ class Run:
         found: list[str] = []
 
         def until() -> bool:
-            machine.step(self.room.sensed())
+            machine.step(self.switcher.sensed())
             self._display(machine)
             if machine.phase is not Phase.ANSWER:
                 return True
@@ -234,7 +234,7 @@ class Run:
                     found.append(taken)
             return bool(found)
 
-        self.room.run(until)
+        self.switcher.run(until)
         if not found:
             return None, None
         reaction = machine.since()
@@ -251,7 +251,7 @@ class Run:
         right = None if void or answer is None else is_right(task, replace(trial, shown=due.shown), answer, fluxes)
         return Row(
             self._code, due.place, trial.block, task.kind, trial.condition, list(due.shown), round(begun, 6),
-            round(self.room.session.seconds, 6), self.name, datetime.now(UTC).isoformat(timespec="seconds"),
+            round(self.switcher.session.seconds, 6), self.name, datetime.now(UTC).isoformat(timespec="seconds"),
             repeats=due.repeats, staircase=trial.staircase or None, level=due.level, answer=None if void else answer,
             right=right, reaction_s=reaction, void=void, felt=felt,
         )  # fmt: skip
@@ -268,14 +268,14 @@ class Run:
         if breaks is None or due.place == 0 or due.place % breaks.every:
             return
         self._answers.tell(f"a break of {breaks.duration:.0f} s")
-        end = self.room.session.seconds + breaks.duration
+        end = self.switcher.session.seconds + breaks.duration
 
         def until() -> bool:
-            left = end - self.room.session.seconds
+            left = end - self.switcher.session.seconds
             self._tell(replace(self._progress("break"), left=max(0.0, left)))
             return left <= 0.0
 
-        self.room.run(until)
+        self.switcher.run(until)
 
     def _attend(self) -> None:
         """Let the operator pause or stop between two trials."""
@@ -284,7 +284,7 @@ class Run:
             return
         self._tell(self._progress("pause"))
         if operator.paused:
-            self.room.run(self._waits_for_operator)
+            self.switcher.run(self._waits_for_operator)
         if operator.stopped:
             raise Stopped
 
@@ -306,7 +306,7 @@ class Run:
             self._tell(self._face(machine))
 
     def _due_to_show(self) -> bool:
-        now = self.room.session.seconds
+        now = self.switcher.session.seconds
         if 0.0 <= now - self._shown_at < 1.0 / 30.0:
             return False
         self._shown_at = now
@@ -316,7 +316,7 @@ class Run:
         if self._show is not None:
             self._show(shown)
         if self._operator is not None:
-            self._operator.show(shown, lines_of(self.room))
+            self._operator.show(shown, lines_of(self.switcher))
             for words in self._operator.notes():
                 keep_note(self._store.folder, self._code, shown.trial, words)
 
@@ -327,8 +327,8 @@ class Run:
             left = max(0.0, contact.duration - machine.since())
             cue = "lift" if left <= 0.0 else cue
             if contact.force is not None:
-                probe = self.room.session.model.probes[0].name
-                force = float(self.room.session.state[f"{probe}.total_force"])
+                probe = self.switcher.session.model.probes[0].name
+                force = float(self.switcher.session.state[f"{probe}.total_force"])
                 window = (contact.force - contact.tolerance, contact.force + contact.tolerance)
         elif phase is Phase.PAUSE:
             left = max(0.0, machine.rules.pause - machine.since())

@@ -77,12 +77,12 @@ class PostedOperator:
 
 
 class RigSession(Servo):
-    """Runs the work in a room in this servo process: session after session, on the same open devices.
+    """Runs the work with a scene switcher in this servo process: session after session, on the same open devices.
 
     Parameters
     ----------
-    room
-        The room; it has its first session, which has not run yet.
+    switcher
+        The scene switcher; it has its first session, which has not run yet.
     work
         Runs the work to its end.
     obey
@@ -95,10 +95,10 @@ class RigSession(Servo):
     """
 
     def __init__(
-        self, room: SceneSwitcher, work: Callable[[], None], obey: Callable[[str, Any], None], segment: SharedMemory,
-        outbox: Outbox, config: dict[str, Any],
+        self, switcher: SceneSwitcher, work: Callable[[], None], obey: Callable[[str, Any], None],
+        segment: SharedMemory, outbox: Outbox, config: dict[str, Any],
     ) -> None:  # fmt: skip
-        session = room.session
+        session = switcher.session
         remote = [runner.model.name for runner in session.runners if runner.model.remote]
         if remote:
             raise ServoError(f"'{remote[0]}' is a remote twin: a study changes its scene; use twin=\"yes\"")
@@ -107,8 +107,13 @@ class RigSession(Servo):
         #: What is published: what was sent to the devices, for the guardian, and the tick.
         self._told_of = Record(session.state.dtype)
         self._publisher = Publisher(segment, self._told_of, session.times)
-        room.clock = session.clock
-        room.look, room.on_change, room.on_rest, room.on_idle = self._look, self._follow, self._rested, self._beat
+        switcher.clock = session.clock
+        switcher.look, switcher.on_change, switcher.on_rest, switcher.on_idle = (
+            self._look,
+            self._follow,
+            self._rested,
+            self._beat,
+        )
         self._attach(session)
 
     def _meta(self) -> dict[str, Any]:
@@ -213,11 +218,11 @@ def serve(segment: SharedMemory, outbox: Outbox, config: dict[str, Any]) -> tupl
             file, asked["participant"], store, answers, catalog, clock=WallClock(), record=asked["record"],
             operator=operator,
         )  # fmt: skip
-        run.room.survey(each_level_once(file))
+        run.switcher.survey(each_level_once(file))
         if not run.prepare():
             return {}, None
         work = partial(_make, run, outbox)
-        sitting = RigSession(run.room, work, partial(_obey, answers, operator), segment, outbox, config)
+        sitting = RigSession(run.switcher, work, partial(_obey, answers, operator), segment, outbox, config)
         report, error = sitting.run()
         if isinstance(error, DeviceFaultError):  # all devices are safe, and released
             try:
@@ -235,20 +240,20 @@ def serve_study(
     Raises
     ------
     SceneError, SessionError, StudyServerError
-        If study or scene are wrong, or the door can't be opened.
+        If study or scene are wrong, or the server can't be opened.
     """
     asked, catalog = config["study"], Catalog()
     file = load_study(asked["path"], catalog)
-    with StudyServer(Path(asked["key"]), asked["port"]) as door:
-        served = Served(file, catalog, door, clock=WallClock())
-        served.room.survey(each_level_once(file))
+    with StudyServer(Path(asked["key"]), asked["port"]) as server:
+        served = Served(file, catalog, server, clock=WallClock())
+        served.switcher.survey(each_level_once(file))
 
         def work() -> None:
             with contextlib.suppress(Stopped):
                 served.run()
 
-        sitting = RigSession(served.room, work, lambda what, value: None, segment, outbox, config)
-        outbox.tell("door", {"port": door.port})
+        sitting = RigSession(served.switcher, work, lambda what, value: None, segment, outbox, config)
+        outbox.tell("server", {"port": server.port})
         return sitting.run()
 
 
@@ -258,9 +263,9 @@ def _make(run: Run, outbox: Outbox) -> None:
     try:
         for row in run.trials():
             outbox.tell("trial", {"place": row.place, "void": row.void, "again": run.course.comes_again(row)})
-            for loss in run.room.losses[told:]:
+            for loss in run.switcher.losses[told:]:
                 outbox.tell("lost", {"words": loss})
-            told = len(run.room.losses)
+            told = len(run.switcher.losses)
     except Stopped:
         outbox.tell("stopped", {})
 

@@ -1,4 +1,4 @@
-"""The room of a study: devices that stay open from trial to trial while the scene changes.
+"""Scene switching: the devices of a study stay open from trial to trial while the scene changes.
 
 Twins wait while no tick runs.  Hardware can't: while the next scene is built it is at rest, with surfaces retracted and
 drives off, and the loop goes on reading it under the previous scene.  Then, between two ticks, the devices go on with

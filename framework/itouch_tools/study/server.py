@@ -1,4 +1,4 @@
-"""The door to a served study: JSON lines over TCP, from this machine only, behind a key; polled between two ticks.
+"""The server of a study: JSON lines over TCP, from this machine only, behind a key; polled between two ticks.
 
 No thread serves it: once a tick the loop asks the kernel whether anything has come, and takes at most one request.
 What a caller sends faster than that waits in the kernel; a caller that does not read its answers is disconnected, and
@@ -30,7 +30,7 @@ _HOST = "127.0.0.1"
 
 
 class StudyServerError(ItouchError):
-    """A door that can't be opened."""
+    """A server that can't be opened."""
 
 
 @dataclass(slots=True, eq=False)
@@ -96,7 +96,7 @@ class StudyServer:
         self.callers: list[Caller] = []
 
     def __enter__(self) -> StudyServer:
-        """Write the key's file: from now on the door is polled."""
+        """Write the key's file: from now on the server is polled."""
         content = {"host": _HOST, "port": self.port, "token": self._token, "process": os.getpid()}
         try:
             _write(self.path, content)

@@ -399,7 +399,7 @@ def _connect(path: Path, schema: str, *, write: bool = False) -> sqlite3.Connect
     if archived:  # SQLite wants to make files beside it, unless it is told that no log adds to the file
         log = _size(f"{path}-wal")
         opened = f"{path.resolve().as_uri()}?mode=ro{'' if log else '&immutable=1'}"
-    # one thread at a time uses the connection, but not always the same one: see ``Room.beside``
+    # one thread at a time uses the connection, but not always the same one: see ``SceneSwitcher.beside``
     connection = sqlite3.connect(
         opened, isolation_level="IMMEDIATE", timeout=60.0, check_same_thread=False, uri=archived
     )  # fmt: skip

@@ -229,8 +229,8 @@ class Collect:
 
 
 @dataclass(frozen=True, slots=True)
-class Enough:
-    """Ends the sweep when the mean of a result is known well enough: its 95 % interval is short."""
+class StopCriterion:
+    """A stop criterion: the sweep ends when the mean of a result is known well enough: its 95 % interval is short."""
 
     TAG: ClassVar[str] = "enough"
     result: str = text(doc="the column of the result")
@@ -245,7 +245,7 @@ class Stop:
     TAG: ClassVar[str] = "stop"
     after: float | None = quantity("s", positive=True, default=None, doc="time on the clock")
     failures: int | None = integer(low=1, high=MOST_DRAWS, default=None, doc="runs that were not `done`")
-    enough: tuple[Enough, ...] = children(Enough)
+    enough: tuple[StopCriterion, ...] = children(StopCriterion)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from itouch_tools.sweeps.sweep_elements import Enough, Stop
+from itouch_tools.sweeps.sweep_elements import Stop, StopCriterion
 from itouch_tools.sweeps.sweep_store import PLAN, read_work, rows
 
 #: Half the width of a 95 % interval, in standard errors.
@@ -87,7 +87,7 @@ class Progress:
             return f"known well enough: {told} (95 %, {self.before + self.done} runs)"
         return ""
 
-    def _known(self, one: Enough) -> bool:
+    def _known(self, one: StopCriterion) -> bool:
         mean = self.means.get(one.result, Mean())
         return mean.count >= one.at_least and mean.half_width <= one.half_width
 

@@ -71,7 +71,7 @@ class Moments:
         return found
 
 
-class News:
+class NewEvents:
     """Contact events and marks that are new since the last call, in the form that they have in a recording."""
 
     def __init__(self, model: Model, state: Record) -> None:

@@ -21,7 +21,7 @@ from itouch.session.row_layout import replay_tracks
 from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
 from itouch_tools.export.rerun_viewer import Scene, blueprint, curves, happened
-from itouch_tools.viewer.live.published_states import Moment, Moments, News
+from itouch_tools.viewer.live.published_states import Moment, Moments, NewEvents
 
 #: Rate [Hz] of the curves' rows, and the time [s] whose rows are sent together; the scene's rate is that of recordings.
 RATE: Final = 250.0
@@ -34,7 +34,7 @@ class Shown:
     def __init__(self, stream: Any, model: Model, state: Record) -> None:
         self._stream, self._period = stream, model.period
         self.tracks = replay_tracks(model, state)
-        self._news, self._scene = News(model, state), Scene(stream)
+        self._new_events, self._scene = NewEvents(model, state), Scene(stream)
         places = {name: offset for name, (_, offset, *_) in (state.dtype.fields or {}).items()}
         step = max(1, round(1.0 / (RATE * model.period)))
         self._drawing = Drawing(view_of(model, state), places, period=model.period, start_ns=0, step=step)
@@ -49,7 +49,7 @@ class Shown:
         told = self._drawing.messages(ticks, rows)
         self._scene.put((tick * self._period, TOPICS[topic], decode(TOPICS[topic], data)) for topic, tick, data in told)
         state = moments[-1].state
-        happened(self._stream, self._news.events(state), self._news.marks(state))
+        happened(self._stream, self._new_events.events(state), self._new_events.marks(state))
         self._waiting += moments
         if (self._waiting[-1].tick - self._waiting[0].tick) * self._period >= TOGETHER:
             for track in self.tracks:

@@ -25,7 +25,7 @@ from itouch.session.row_layout import replay_tracks
 from itouch.session.viewer_geometry import view_of
 from itouch.world import Model
 from itouch_tools.export.ros_messages import FRAMES, TEXT, Messages, frame_of, store, topics_of, type_of
-from itouch_tools.viewer.live.published_states import Moment, Moments, News
+from itouch_tools.viewer.live.published_states import Moment, Moments, NewEvents
 
 #: Rate [Hz] at which topics are published, by default.
 RATE: Final = 100.0
@@ -57,7 +57,7 @@ class Topics:
     def __init__(self, model: Model, state: Record, place: Place) -> None:
         self._place, self._store = place, store()
         self._make = Messages(self._store, 0)
-        self._news = News(model, state)
+        self._new_events = NewEvents(model, state)
         view = view_of(model, state)
         places = {name: offset for name, (_, offset, *_) in (state.dtype.fields or {}).items()}
         self._drawing = Drawing(view, places, period=model.period, start_ns=0)
@@ -94,7 +94,10 @@ class Topics:
         for line, column, make in self._lines:
             line.publish(**_fields(make(0.0, np.ravel(state[column.field]).tolist())))
         self._frames.publish(**_fields(self._make.frames(0.0, self._drawing.transforms(state.raw, {}))))
-        for line, listed in ((self._events, self._news.events(state)), (self._marks, self._news.marks(state))):
+        for line, listed in (
+            (self._events, self._new_events.events(state)),
+            (self._marks, self._new_events.marks(state)),
+        ):
             for entry in listed:
                 line.publish(data=json.dumps(entry))
 

@@ -27,7 +27,7 @@ _NOWHERE = np.zeros((1, 2, 3))
 _FROM = np.array([0.35, -1.0, 0.75])
 
 
-class Scenery:
+class BrowserScene:
     """The nodes of one session in a server of `viser`; ``show`` brings them up to date.
 
     A frame's node is a child of its parent frame's node, so positions and rotations are State's own numbers.

@@ -18,7 +18,7 @@ from itouch.schema import ItouchError
 from itouch.servo import Link
 from itouch.world import Model
 from itouch_tools.viewer.web.access import Access, Gate
-from itouch_tools.viewer.web.browser_scene import Scenery
+from itouch_tools.viewer.web.browser_scene import BrowserScene
 
 #: Updates a second; after how many updates the text is renewed; and the niceness of this process.
 RATE, WORDS, NICE = 30.0, 6, 10
@@ -48,13 +48,13 @@ def show(link: Link, access: Access, told: Callable[[str], None], looks: Callabl
     with _server(link.name) as server:
         inner = (server.get_host(), server.get_port())
         model = Model.of(link.scene(), Catalog())
-        scenery = Scenery(server, model, link.state)
+        browser_scene = BrowserScene(server, model, link.state)
         server.on_client_connect(lambda _: looks(len(server.get_clients())))
-        asyncio.run(_serve(link, access, inner, scenery, told))
+        asyncio.run(_serve(link, access, inner, browser_scene, told))
 
 
 async def _serve(
-    link: Link, access: Access, inner: tuple[str, int], scenery: Scenery, told: Callable[[str], None]
+    link: Link, access: Access, inner: tuple[str, int], browser_scene: BrowserScene, told: Callable[[str], None]
 ) -> None:
     try:
         async with Gate(access, inner) as gate:
@@ -65,7 +65,7 @@ async def _serve(
                 link.refresh(state)
                 if pictures % WORDS == 0:
                     words = said(link, state)
-                scenery.show(state, words)
+                browser_scene.show(state, words)
                 pictures += 1
                 await asyncio.sleep(1.0 / RATE)
     except OSError as error:
