@@ -11,7 +11,7 @@ import pytest
 from needed import meant
 from numba.core.runtime import _nrt_python, rtsys
 
-from contact_heat.lanes import scratch as contact_scratch
+from contact_heat.dot_product import scratch as contact_scratch
 from itouch.compiling import ALONE, kernel, linked, scratch
 from itouch.joining import can_join
 from itouch.reference_counting import Borrowing

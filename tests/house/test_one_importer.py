@@ -41,7 +41,7 @@ REASONS = {
     "contact_heat.analytic": "closed forms of the paper, which stand in the Python reference",
     "contact_heat.energy": "where the heat goes is a result of the solver, and stands in the Python reference",
     "contact_heat.peers": "what the solver is measured against shares nothing with it",
-    "contact_heat.stated": "published contacts belong to the solver, not to the plugin that measures it",
+    "contact_heat.published_cases": "published contacts belong to the solver, not to the plugin that measures it",
     "itouch_xyz_table.axes": "kernels, loaded only where the table is a twin",
     "itouch_arms.haply.emulator": "each device that has an emulator has a file for it",
     "itouch_arms.openhaptics.openhaptics_device": "each device plugin has a file",

@@ -31,7 +31,7 @@ from itouch.session import layout_mapping
 from itouch.testing.checks import examine
 from itouch.testing.scenario import ModalityHarness
 from itouch.testing.suites import MODALITY_CHECKS
-from itouch_encountered import Encountered, choosing, feed_forward, modality, motion, own
+from itouch_encountered import Encountered, choosing, feed_forward, modality, motion, surface_fields
 from itouch_tools.cli.__main__ import main
 
 PLUGIN = '''
@@ -275,7 +275,7 @@ def test_what_other_limits_are_made_of_is_what_it_reckons_with() -> None:
     """A plugin can't import what monitors have."""
     assert (choosing.FAR, choosing.FAR_UNCALIBRATED) == (DOUBT_GAP, DOUBT_GAP_UNCALIBRATED)
     assert modality.ROOM_WIRED >= ROOM
-    assert 2 * round(SLOPE_AHEAD * 4000.0) <= own.MOST_KINKS  # at the fastest servo rate
+    assert 2 * round(SLOPE_AHEAD * 4000.0) <= surface_fields.MOST_KINKS  # at the fastest servo rate
 
 
 #: Over the top of the ball and back, so quickly that a drive is late.
@@ -302,7 +302,7 @@ def test_it_evens_out_the_steps_of_an_arm_on_steep_faces_that_it_renders(tilt: f
     """A finger that goes on evenly is read in steps of 30 um; less steep faces are followed as they are, to the bit."""
     cosine = math.cos(math.radians(45.0))
     numbers = motion.Numbers(8e-3, 5e-3, cosine, 0.73, 1e-3, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, 3, 0.0, 0.0, 0.0)
-    state, upright = np.zeros(own.KINKS + own.MOST_KINKS), math.cos(math.radians(tilt))
+    state, upright = np.zeros(surface_fields.KINKS + surface_fields.MOST_KINKS), math.cos(math.radians(tilt))
     slope, along = math.tan(math.radians(tilt)), 11e-6 * np.arange(200)  # [m]
     read = 0.02 + slope * np.floor(along / 30e-6) * 30e-6
     heights = np.array([motion._even(numbers, state, height, slope * 11e-3, upright) for height in read])
@@ -320,8 +320,8 @@ def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: floa
     """Its speed grows by the same from tick to tick, from when the kink is seen to as long after it."""
     ahead = max(1, round(SLOPE_AHEAD / period))
     numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, period, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, ahead, 0.0, 0.0, 0.0)
-    state, steepens = np.zeros(own.KINKS + own.MOST_KINKS), 0.05  # [m/s]
-    state[own.INERTIA] = 1.6e-5
+    state, steepens = np.zeros(surface_fields.KINKS + surface_fields.MOST_KINKS), 0.05  # [m/s]
+    state[surface_fields.INERTIA] = 1.6e-5
     off = [feed_forward.bend(numbers, state, steepens / period if k == 0 else 0.0, 0.0, True) for k in range(4 * ahead)]
     surface = steepens * period * np.maximum(0.0, np.arange(4 * ahead) - (ahead - 0.5))
     bends = np.diff(surface + off, n=2, prepend=[0.0, 0.0]) / period**2
@@ -332,10 +332,10 @@ def test_it_rounds_a_kink_off_and_is_on_both_faces_before_and_after(period: floa
 
 def test_a_contact_that_begins_forgets_how_the_slope_turned() -> None:
     numbers = motion.Numbers(8e-3, 5e-3, 0.9, 0.92, 1e-3, 2.0, 2.0, 1e3, True, 2e-4, 4e-3, 3, 0.0, 0.0, 0.0)
-    state = np.ones(own.KINKS + own.MOST_KINKS)
+    state = np.ones(surface_fields.KINKS + surface_fields.MOST_KINKS)
     assert feed_forward.bend(numbers, state, 50.0, 2.0, False) == 0.0
-    assert state[own.BENDS] == state[own.HASTE] == 0.0
-    assert not state[own.KINKS : own.KINKS + 6].any()
+    assert state[surface_fields.BENDS] == state[surface_fields.HASTE] == 0.0
+    assert not state[surface_fields.KINKS : surface_fields.KINKS + 6].any()
 
 
 def test_a_slope_is_seen_to_turn_three_milliseconds_before_the_finger_is_there(tmp_path: Path) -> None:

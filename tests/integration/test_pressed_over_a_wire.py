@@ -12,7 +12,20 @@ from kernels_in_python import python_of
 
 from itouch.plugin.carried_surfaces import ABOUT, LEFT, TOUCH
 from itouch_encountered import over_wire
-from itouch_encountered.own import BEHIND, GOES, GONE_BY, HOISTS, HOLD, LAG, LIFTS, PAST, RISE, ROW_Z, SINCE, WAY
+from itouch_encountered.surface_fields import (
+    BEHIND,
+    GOES,
+    GONE_BY,
+    HOISTS,
+    HOLD,
+    LAG,
+    LIFTS,
+    PAST,
+    RISE,
+    ROW_Z,
+    SINCE,
+    WAY,
+)
 
 STIFFNESS, RADIUS, TICK, AGE = 1000.0, 0.008, 200, 7
 LIGHT, FIRM = 0.5 * (LEFT + TOUCH), 1.0

@@ -12,7 +12,7 @@ from shipped import SCENES
 
 from itouch.loop.surface import surface_memory as surface
 from itouch.plugin import carried_surfaces
-from itouch_encountered import own
+from itouch_encountered import surface_fields
 from itouch_encountered.choosing import FAR_UNCALIBRATED, doubt, touches_unasked
 from itouch_encountered.motion import Numbers
 from itouch_evidence.surface.course import Course, follow
@@ -144,12 +144,12 @@ def test_a_pad_that_is_soft_by_itself_is_no_plate_that_is_missing(stiffness: flo
     """It gives less than a sensor tells from nothing, where a stiffer one is felt for sure."""
     numbers = Numbers._make(np.zeros(len(Numbers._fields)))
     numbers = numbers._replace(period=1e-3, has_load=True, stiffness=stiffness)
-    memory = np.zeros(len(own.FIELDS))
-    memory[own.TAKES] = 1.0
+    memory = np.zeros(len(surface_fields.FIELDS))
+    memory[surface_fields.TAKES] = 1.0
     for _ in range(200):
-        if memory[own.LOST] == 0.0:
+        if memory[surface_fields.LOST] == 0.0:
             doubt(numbers, memory, depth * 1e-3, 0.04, True)
-    assert memory[own.LOST] == (carried_surfaces.LOW if told else 0.0)
+    assert memory[surface_fields.LOST] == (carried_surfaces.LOW if told else 0.0)
 
 
 def hover(height: float, approach: float) -> tuple[str, str]:
@@ -213,11 +213,11 @@ def test_a_plate_that_is_as_good_as_there_stays(folder: Path, error: float, heig
 def unasked(force: float, noise: float, gap: float = 0.6) -> float:
     """Return when a surface is said to be too high that presses so [N] on a finger above it [mm]; 60: not in a minute."""
     numbers = Numbers._make(np.zeros(len(Numbers._fields)))._replace(period=1e-3, has_load=True, stiffness=1e3)
-    memory, rng = np.zeros(len(own.FIELDS)), np.random.default_rng(1)
+    memory, rng = np.zeros(len(surface_fields.FIELDS)), np.random.default_rng(1)
     for tick in range(60_000):
         touches_unasked(numbers, memory, -gap * 1e-3, max(0.0, force + noise * rng.standard_normal()), False)
-        if memory[own.LOST] > 0.0:
-            assert memory[own.LOST] == carried_surfaces.HIGH
+        if memory[surface_fields.LOST] > 0.0:
+            assert memory[surface_fields.LOST] == carried_surfaces.HIGH
             return tick * 1e-3
     return 60.0
 
@@ -239,11 +239,11 @@ def test_what_an_axis_reads_in_the_air_is_no_finger(gap: float, force: float, to
     """Friction and its own mass stand in the force that a real axis reads; it hovers some mm below the finger."""
     numbers = Numbers._make(np.zeros(len(Numbers._fields)))
     numbers = numbers._replace(period=1e-3, has_load=True, early=FAR_UNCALIBRATED, stiffness=1e3)
-    memory = np.zeros(len(own.FIELDS))
+    memory = np.zeros(len(surface_fields.FIELDS))
     for _ in range(1000):
-        if memory[own.LOST] == 0.0:
+        if memory[surface_fields.LOST] == 0.0:
             doubt(numbers, memory, -gap * 1e-3, force, False)
-    assert memory[own.LOST] == (carried_surfaces.HIGH if told else 0.0)
+    assert memory[surface_fields.LOST] == (carried_surfaces.HIGH if told else 0.0)
 
 
 def test_all_that_a_surface_remembers_has_a_place_in_state(folder: Path) -> None:

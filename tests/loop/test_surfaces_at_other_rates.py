@@ -17,7 +17,7 @@ from itouch.loop import render
 from itouch.loop.surface import plate, surface_memory
 from itouch.plugin.carried_surfaces import AHEAD
 from itouch.session import Session, build
-from itouch_encountered import feed_forward, own
+from itouch_encountered import feed_forward, surface_fields
 from itouch_evidence.surface.course import Floats, follow
 from itouch_evidence.surface.scenes import Slope, ball
 
@@ -72,14 +72,14 @@ def foreseen(rate: int) -> float:
 def wrongly_shifted(rate: int) -> float:
     """Return how much acceleration [m/s2] is taken to bend a slope by a finger that does not accelerate, as an rms."""
     numbers, state = Numbers(1.0 / rate, round(3e-3 * rate)), np.zeros(100)
-    state[own.INERTIA] = feed_forward.INERTIA_FIRST
+    state[surface_fields.INERTIA] = feed_forward.INERTIA_FIRST
     smooth, goes, bends = 0.0, 0.0, []
     for moved in np.diff(readings(rate, 0.02)) * rate:
         smooth += (1.0 - np.exp(-1.0 / (rate * 2e-3))) * (moved - smooth)
         change = (smooth - goes) / (1.0 + 5e-3 * rate)
         goes += change
         _bend(numbers, state, 0.0, change * rate, True)
-        bends.append(state[own.HASTE])
+        bends.append(state[surface_fields.HASTE])
     return float(np.std(bends[rate // 10 :]))
 
 

@@ -7,7 +7,7 @@ import pytest
 from itouch.blocks import Block, places, width
 from itouch.plugin import Field, Record
 from itouch.world import state_fields
-from itouch_encountered import own
+from itouch_encountered import surface_fields
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from itouch_encountered import own
         state_fields.SURFACE,
         state_fields.PLATE,
         state_fields.rising_fields(),
-        (*own.FIELDS, *own.OVER_WIRE),
+        (*surface_fields.FIELDS, *surface_fields.OVER_WIRE),
     ],
     ids=["figures", "surface", "plate", "rising", "encountered"],
 )

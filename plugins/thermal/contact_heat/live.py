@@ -18,8 +18,8 @@ from numba import njit
 
 from contact_heat import collocation
 from contact_heat.contour import WEIGHTS, Z
+from contact_heat.dot_product import dot, scratch
 from contact_heat.hosting import kernel
-from contact_heat.lanes import dot, scratch
 from contact_heat.packing import (
     AMBIENT,
     DECAY,

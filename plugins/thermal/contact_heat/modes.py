@@ -19,7 +19,7 @@ from contact_heat.blas import one_thread
 from contact_heat.hosting import kept
 from contact_heat.layers import Back, Layer, Side
 from contact_heat.stack import Array, Stack, imbalance, layer_stack
-from contact_heat.trial import PANEL_POINTS, Span, quadrature, trial_span
+from contact_heat.trial_functions import PANEL_POINTS, Span, quadrature, trial_span
 
 #: Ratio of neighbouring shifts; 1.6 gives about 1e-9 in the contact flux.
 RATIO = 1.6

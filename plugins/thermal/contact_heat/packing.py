@@ -16,8 +16,8 @@ import numpy as np
 from contact_heat import collocation
 from contact_heat.blas import one_thread
 from contact_heat.contour import Z
+from contact_heat.dot_product import padded
 from contact_heat.hosting import building
-from contact_heat.lanes import padded
 from contact_heat.layers import FINGER_FILM, ROOM, Film, Side
 from contact_heat.modes import Modes, side_modes
 from contact_heat.stack import Array, imbalance, stack_of

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_heat import live
+from contact_heat.dot_product import dot
 from contact_heat.hosting import kernel
-from contact_heat.lanes import dot
 from contact_heat.packing import HEAT, PERIOD, PHASE, RESISTANCE, SIZE, TAIL
 from contact_heat.stack import Array
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from contact_heat.collocation import points, quadrature
+from contact_heat.dot_product import dot, scratch
 from contact_heat.hosting import kernel
-from contact_heat.lanes import dot, scratch
 from contact_heat.live import absorb, drive, flux_of, open_port
 from contact_heat.packing import HEAD, HEAT, MEMORY, NODES, PERIOD, PHASE, REST, ROWS, SIZE, STAGES, TAIL, TAIL_LENGTH
 from contact_heat.stack import Array

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from contact_heat import live
 from contact_heat.blas import one_thread
-from contact_heat.closed import ClosedLoop, close_loop
+from contact_heat.closed_loop import ClosedLoop, close_loop
 from contact_heat.contact import Contact
 from contact_heat.layers import Side, SideName
 from contact_heat.modes import Modes, side_modes

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch.plugin.commands import command_parser, output_file
-from itouch_thermal.whole_file import write_whole
+from itouch_thermal.atomic_write import write_whole
 
 if TYPE_CHECKING:
     from contact_heat.contact import Contact
@@ -58,13 +58,13 @@ def _printed(options: argparse.Namespace) -> Iterator[Row]:
 
 def _rows(options: argparse.Namespace, *, peers: bool) -> Iterator[Row]:
     from contact_heat import measure
-    from contact_heat.stated import many_layers, stated_cases
+    from contact_heat.published_cases import many_layers, published_cases
 
     cases = _cases(options.case)
     for name, contact in cases.items():
         yield from measure.case_rows(name, contact, peers=peers)
     if options.case is None:
-        yield from measure.order_rows(*next(iter(stated_cases().items())))
+        yield from measure.order_rows(*next(iter(published_cases().items())))
         yield measure.build_row("many layers", many_layers())
     if not options.no_batch:
         yield from measure.batch_rows(next(iter(cases.values())))
@@ -73,9 +73,9 @@ def _rows(options: argparse.Namespace, *, peers: bool) -> Iterator[Row]:
 def _cases(path: str | None) -> dict[str, Contact]:
     """Return the stated cases: the finger in air at 23 degC that touches 20 mm blocks."""
     from contact_heat.contact import Contact
-    from contact_heat.stated import stated_cases
+    from contact_heat.published_cases import published_cases
 
-    return stated_cases() if path is None else {Path(path).stem: Contact.from_json(path)}
+    return published_cases() if path is None else {Path(path).stem: Contact.from_json(path)}
 
 
 def _line(row: Row) -> str:

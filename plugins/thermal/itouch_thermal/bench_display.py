@@ -15,6 +15,7 @@ from typing import Any
 from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import ItouchError, parse_quantity
 from itouch.plugin.commands import command_parser, exit_code, judged, output_file
+from itouch_thermal.atomic_write import write_whole
 from itouch_thermal.display.params import DisplayParams, Mismatch
 from itouch_thermal.rendering.bound import bound
 from itouch_thermal.rendering.closedloop import GAINS, PERIOD, Case, desired_course, simulate, start_for
@@ -23,7 +24,6 @@ from itouch_thermal.rendering.performance_table import Table
 from itouch_thermal.rendering.plantfile import read_plant
 from itouch_thermal.rendering.plants import SEEDS, corners
 from itouch_thermal.rendering.score import rms, summary
-from itouch_thermal.whole_file import write_whole
 
 CONTROLLERS = ("hold", "paper", "model")
 #: The grid of gains from which the pair of `paper` was chosen, and the corners on which it was tried besides the

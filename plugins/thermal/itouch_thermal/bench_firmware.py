@@ -12,7 +12,7 @@ from typing import Any
 
 from itouch.plugin import ItouchError
 from itouch.plugin.commands import command_parser, exit_code, output_file
-from itouch_thermal.whole_file import write_whole
+from itouch_thermal.atomic_write import write_whole
 
 #: Number of faults in the long form, and in the short one.
 LONG, SHORT = 1000, 36
@@ -50,7 +50,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _figures() -> Iterator[dict[str, Any]]:
-    from itouch_thermal.chip.merits import figures
+    from itouch_thermal.chip.figures_of_merit import figures
 
     for figure in figures():
         bound = "" if figure.most is None else f"at most {figure.most:g}" + ("" if figure.holds else "  MISSED")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from itouch.plugin import waiting
 from itouch.plugin.commands import command_parser, exit_code, output_file
-from itouch_thermal.whole_file import write_whole
+from itouch_thermal.atomic_write import write_whole
 
 if TYPE_CHECKING:
     from itouch_thermal.identify.coverage import Row

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from itouch.plugin.commands import command_parser, output_file
-from itouch_thermal.whole_file import write_whole
+from itouch_thermal.atomic_write import write_whole
 
 #: Contact areas [cm2], times [s], and the sizes of error whose times of first occurrence are reported.
 AREAS, TIMES, BOUNDS = (0.5, 1.1, 2.0, 4.0, 8.0, 16.0), (0.02, 0.1, 0.3, 1.0, 3.0, 10.0), (0.01, 0.03, 0.1)

@@ -22,8 +22,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 from itouch.plugin.commands import command_parser, exit_code, output_file
+from itouch_thermal.atomic_write import write_whole
 from itouch_thermal.display.params import DisplayParams
-from itouch_thermal.whole_file import write_whole
 
 SPACE = "{urn:itouch:plugin:thermal}"
 #: Greatest true error of the finger's flux, rms from 0.1 s to lift-off: on a TEC controller, and on a rig of one's own,

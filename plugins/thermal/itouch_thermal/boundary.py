@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contact_heat.packing import AMBIENT, FILM, HEAT, PERIOD, PHASE, RESISTANCE, SIZE, TAIL
 from contact_heat.sharing import air_beside, shared_step
-from itouch_thermal.played import Playing
+from itouch_thermal.curve_playback import CurvePlayback
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def beyond(distance: float, area: float) -> float:
 class Exchange:
     """The finger and the objects of a scene, as packed models; None for an object without a thermal material."""
 
-    def __init__(self, live: Any, finger: Array, bodies: tuple[Array | None, ...], playing: Playing) -> None:
+    def __init__(self, live: Any, finger: Array, bodies: tuple[Array | None, ...], playing: CurvePlayback) -> None:
         self._live, self._finger, self._bodies, self._playing = live, finger, bodies, playing
 
     def knows(self, index: int) -> bool:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from itouch.plugin import ItouchError
 from itouch.plugin.commands import command_parser, output_file
+from itouch_thermal.atomic_write import write_whole
 from itouch_thermal.cli_display import add_commands, add_display
-from itouch_thermal.whole_file import write_whole
 
 #: Units of a duration in seconds; without a unit it is in seconds.
 _UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}

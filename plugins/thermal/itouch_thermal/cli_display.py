@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 from itouch.plugin import parse_quantity, waiting
 from itouch.plugin.commands import framework, output_file
-from itouch_thermal.whole_file import write_whole
+from itouch_thermal.atomic_write import write_whole
 
 _KELVIN = 273.15
 #: Period of the commands [s]; the rig's own watchdog is ten times as long.

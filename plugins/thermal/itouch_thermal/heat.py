@@ -19,9 +19,9 @@ from contact_heat.resistance import DEFAULT_RESISTANCE, SPREAD, ResistanceLaw, c
 from itouch.plugin import Bound, ContactEvent, Field, HeardContact, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
 from itouch_thermal.boundary import Exchange, beyond
+from itouch_thermal.curve_playback import CurvePlayback
 from itouch_thermal.flux.object_curves import played_curves
 from itouch_thermal.laws import KINDS, ForceLaw, check_laws, law_of, press_factor
-from itouch_thermal.played import Playing
 
 if TYPE_CHECKING:
     from itouch_thermal.exchange import Contact, Given, Kept, Skin
@@ -165,7 +165,7 @@ class HeatModel:
     press: float
     skin_from: str
     valid_from: str
-    playing: Playing
+    playing: CurvePlayback
     exchange: Exchange
     period: float
     real: bool
@@ -197,7 +197,7 @@ class Heat(Modality):
         skin_from, valid = _skin_source(params, world)
         packed, playing = (
             live.side_model(finger, period, finger=True, finest=finest),
-            Playing(played_curves(name, world), period),
+            CurvePlayback(played_curves(name, world), period),
         )
         return HeatModel(
             name=name,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from contact_heat.table import Table
-from itouch_thermal.whole_file import write_whole
+from itouch_thermal.atomic_write import write_whole
 
 
 def plot_table(table: Table, path: Path, title: str) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from itouch.plugin import need, waiting
 from itouch.plugin.commands import command_parser, output_folder
-from itouch_thermal.whole_file import write_whole
+from itouch_thermal.atomic_write import write_whole
 
 if TYPE_CHECKING:
     from itouch_thermal.paper.claim import Claim

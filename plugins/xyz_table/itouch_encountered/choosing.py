@@ -6,7 +6,7 @@ from typing import Any
 
 from itouch.plugin.carried_surfaces import ABOUT, HIGH, LOW, TOUCH
 from itouch.plugin.kernels import linked
-from itouch_encountered.own import FREE, LOST, TAKES, UNASKED, UNFELT
+from itouch_encountered.surface_fields import FREE, LOST, TAKES, UNASKED, UNFELT
 
 #: A surface is missed (too low) if the finger seems deeper in it than the force explains by more than this [m], while
 #: the force is below this share of what the pad would give, for this long [s]; after so long out of contact [s] it is

@@ -12,7 +12,7 @@ from typing import Any
 
 from itouch.plugin.carried_surfaces import TOUCH
 from itouch.plugin.kernels import linked
-from itouch_encountered.own import (
+from itouch_encountered.surface_fields import (
     BENDS,
     GIVE,
     HASTE,

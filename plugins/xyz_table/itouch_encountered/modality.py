@@ -26,7 +26,7 @@ from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
 from itouch_encountered.feed_forward import INERTIA_FIRST
 from itouch_encountered.motion import Numbers, Seen, carry
 from itouch_encountered.over_wire import LAG_FIRST, Wire, look_over_wire
-from itouch_encountered.own import FIELDS, OVER_WIRE
+from itouch_encountered.surface_fields import FIELDS, OVER_WIRE
 
 #: A contact that passed to the arm because of its tilt is taken back when the tilt is below the limit by this [rad].
 TILT_BACK = math.radians(2.0)

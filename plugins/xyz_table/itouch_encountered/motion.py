@@ -28,7 +28,7 @@ from itouch.plugin.carried_surfaces import (
 from itouch.plugin.kernels import kernel, linked
 from itouch_encountered.choosing import along, choose, doubt, touches_unasked
 from itouch_encountered.feed_forward import bend, learn, watch
-from itouch_encountered.own import (
+from itouch_encountered.surface_fields import (
     ARRIVED,
     AT_FINGER,
     BEHIND,

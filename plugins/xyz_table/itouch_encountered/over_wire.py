@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from itouch.plugin.carried_surfaces import ABOUT, LEFT, TOUCH
 from itouch.plugin.kernels import kernel, linked
-from itouch_encountered.own import (
+from itouch_encountered.surface_fields import (
     BEHIND,
     BENDS,
     COMMANDS,

@@ -374,7 +374,7 @@ def test_a_service_of_another_hand_with_less_in_its_messages() -> None:
 def test_noise_on_the_line_ends_in_a_name_and_the_service_lives(rig: ServedService, noise: bytes) -> None:
     with pytest.raises(ArmError), Inverse3(rig.address) as arm:
         arm.read()
-        rig._server._guests[0].line.send(noise)
+        rig._server._connections[0].line.send(noise)
         for _ in range(5):
             arm.read()
     with Inverse3(rig.address) as arm:

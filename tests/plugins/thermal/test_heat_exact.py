@@ -15,7 +15,7 @@ from contact_heat.energy import energy_balance
 from contact_heat.exact import imbalance
 from contact_heat.stack import Stack
 from contact_heat.steady import initial_profile
-from contact_heat.trial import trial_span
+from contact_heat.trial_functions import trial_span
 from itouch_thermal import Back, Contact, Initial, Layer, Side, solve
 
 SKIN = Layer(conductivity=0.34, density=1200, specific_heat=3340)

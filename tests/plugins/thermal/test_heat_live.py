@@ -7,14 +7,14 @@ from campaign import seeds
 
 from contact_heat import live
 from contact_heat.casefile import CELSIUS
-from contact_heat.closed import close_loop
+from contact_heat.closed_loop import close_loop
 from contact_heat.contact import case_of
 from contact_heat.fields import waves
 from contact_heat.measure import changing, fine, relative_error
 from contact_heat.modes import side_modes
 from contact_heat.packing import pair_of
+from contact_heat.published_cases import SENSOR, published_cases
 from contact_heat.stack import stack_of
-from contact_heat.stated import SENSOR, stated_cases
 from itouch_thermal import Back, Contact, Initial, Layer, LockStep, Side, Stepper, solve, solve_many
 
 PERIOD = 1e-3
@@ -56,7 +56,7 @@ def test_other_periods(period):
 @pytest.mark.parametrize("resistance", [1e-5, 2e-4, 2e-3])
 @pytest.mark.parametrize("name", ["wood, R 0", "sensor + al, R 1e-4", "polystyrene, R 2e-3"])
 def test_changing_resistance(name, resistance):
-    contact = stated_cases()[name]
+    contact = published_cases()[name]
     history = changing(resistance, 120)
     error = relative_error(Stepper(contact, PERIOD).advance(history), fine(contact, history, 8))
     assert error[0] < 1e-7
@@ -66,7 +66,7 @@ def test_changing_resistance(name, resistance):
 
 
 def test_press_release_and_touch_again():
-    contact = stated_cases()["sensor + al, R 1e-4"]
+    contact = published_cases()["sensor + al, R 1e-4"]
     history = 1e-3 / (1.0 - np.exp(-np.arange(1, 301) / 20.0))
     history[100:150] = np.inf
     flux = Stepper(contact, PERIOD).advance(history)
@@ -225,7 +225,7 @@ def test_batches_agree_with_single_solutions():
 
 
 def test_lock_step():
-    base = stated_cases()["polystyrene, R 2e-3"]
+    base = published_cases()["polystyrene, R 2e-3"]
     resistances = np.linspace(0.0, 5e-3, 5)
     together = LockStep([base] * 5, PERIOD, workers=2)
     flux = together.advance(resistances, 400, every=100)

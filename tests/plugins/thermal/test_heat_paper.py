@@ -7,7 +7,7 @@ import pytest
 
 from contact_heat.differences import solve_differences
 from contact_heat.measure import changing
-from contact_heat.stated import FINGERTIP, WOOD, block, stated_cases
+from contact_heat.published_cases import FINGERTIP, WOOD, block, published_cases
 from itouch_thermal import Contact, solve
 
 CONTACT = Contact(FINGERTIP, block(WOOD), 1e-3)
@@ -39,7 +39,7 @@ def test_first_order_in_time():
 
 @pytest.mark.parametrize("name", ["wood, R 0", "polystyrene, R 2e-3"])
 def test_without_the_split_the_first_moments_are_lost(name):
-    contact = stated_cases()[name]
+    contact = published_cases()[name]
     times = np.geomspace(1e-5, 3e-3, 6)
     assert error(contact, times, spacing=1e-4, split=True).max() < 2e-3
     assert error(contact, times, spacing=1e-4, split=False).max() > 0.05

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from itouch_thermal.chip.display import REFERENCE
-from itouch_thermal.chip.merits import accuracy, flux_per_ampere, ripple, rise_time, staircase, steps
+from itouch_thermal.chip.figures_of_merit import accuracy, flux_per_ampere, ripple, rise_time, staircase, steps
 from itouch_thermal.chip.pins import KELVIN, at_pins
 from itouch_thermal.chip.program import Built, config
 from itouch_thermal.chip.simulated import Chip

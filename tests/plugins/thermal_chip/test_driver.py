@@ -17,7 +17,7 @@ from itouch_thermal.chip.host import SimulatedHost
 from itouch_thermal.cli import main as thermal
 from itouch_thermal.drivers import LinePort
 from itouch_thermal.drivers.lineport import LineDriver, crc, seal_2, unseal, unseal_2
-from itouch_thermal.drivers.promises import Promises, not_kept
+from itouch_thermal.drivers.stated_limits import StatedLimits, unmet_limits
 
 from conftest import Start  # isort: skip
 
@@ -60,8 +60,8 @@ def test_a_session_with_the_chip(start: Start, capsys: pytest.CaptureFixture[str
     host.wait(100)
     with served(host) as port:
         rig = LineDriver(LinePort(port=port, firmware="reference"), patience=PATIENT, limits={"current": 3.0})
-        assert rig.promises is not None
-        assert rig.promises.reset == "power"
+        assert rig.stated is not None
+        assert rig.stated.reset == "power"
         for _ in range(12):
             read = rig.exchange(-1.25)
         assert read.current == pytest.approx(-1.25, abs=0.02)
@@ -141,7 +141,7 @@ def test_a_burst_of_three_bytes_at_most_is_always_seen(burst: bytes, at: int, am
         assert unseal_2(bytes(line)) != f"I 12 {amps:.5f}"
 
 
-GOOD = Promises(3.0, (10.0, 43.0), 44.0, 0.2, "power", "none")
+GOOD = StatedLimits(3.0, (10.0, 43.0), 44.0, 0.2, "power", "none")
 
 
 @given(
@@ -151,7 +151,7 @@ GOOD = Promises(3.0, (10.0, 43.0), 44.0, 0.2, "power", "none")
 def test_promises_fit_the_limits_or_are_told(
     amps: float, low: float, high: float, sink: float, silence: float, asked: float, least: float, most: float
 ) -> None:
-    found = not_kept(Promises(amps, (low, high), sink, silence, "power", "none"),
+    found = unmet_limits(StatedLimits(amps, (low, high), sink, silence, "power", "none"),
                      {"current": asked, "temperature": (least, most)})  # fmt: skip
     fits = (
         low >= 8 and high <= 45 and sink <= 58 and silence <= 0.5
@@ -170,4 +170,4 @@ def test_a_scene_that_asks_for_more_is_refused_with_what_to_write(start: Start) 
                                    "amps=nan plate=10:43 sink=44 silence=0.2 reset=power cut=none"])  # fmt: skip
 def test_a_greeting_without_limits_is_refused(words: str) -> None:
     with pytest.raises(DeviceError):
-        Promises.read(f"itouch-line 2 x {words}")
+        StatedLimits.read(f"itouch-line 2 x {words}")

@@ -8,12 +8,12 @@ import random
 import pytest
 
 from itouch_thermal.chip.display import REFERENCE, plain
+from itouch_thermal.chip.figures_of_merit import soak_limit, soak_peak
 from itouch_thermal.chip.host import Answer, SimulatedHost
-from itouch_thermal.chip.merits import soak_limit, soak_peak
 from itouch_thermal.chip.pins import KELVIN, thermistor
 from itouch_thermal.chip.program import Built, built, config
 from itouch_thermal.drivers.lineport import seal, seal_2
-from itouch_thermal.drivers.promises import Promises, not_kept
+from itouch_thermal.drivers.stated_limits import StatedLimits, unmet_limits
 
 from conftest import Start  # isort: skip
 
@@ -65,7 +65,7 @@ def test_what_it_measures_cuts_it_off_for_good(start: Start, inputs: tuple[str, 
     assert off(host)
     greeting = host.ask("C")
     assert greeting is not None
-    assert Promises.read(greeting).cut == "none"
+    assert StatedLimits.read(greeting).cut == "none"
     driven(host)
 
 
@@ -79,14 +79,14 @@ def test_a_reset_takes_the_current_away_is_told_and_does_not_release(start: Star
     host.wait(100)
     assert host.ask("I 1 1.0") == "E restarted: greet first"
     assert off(host)
-    promises = Promises.read(host.begin())
-    assert promises.reset == how
+    stated = StatedLimits.read(host.begin())
+    assert stated.reset == how
     driven(host)
     host.display.forced["plate"] = HOT
     host.hold(1.0, 0.1)
     host.display.forced.clear()
     host.display.chip.reset(how)
-    assert Promises.read(host.begin()).cut == "plate-hot"
+    assert StatedLimits.read(host.begin()).cut == "plate-hot"
     assert host.hold(1.0, 0.2)[-1].state == "plate-hot"
     assert off(host)
 
@@ -102,7 +102,7 @@ def test_a_program_that_hangs_is_off_within_the_watchdogs_time(start: Start, int
         took += 1
         assert took <= 75
     assert took > 5, "it did hang"
-    assert Promises.read(host.begin()).reset == "watchdog"
+    assert StatedLimits.read(host.begin()).reset == "watchdog"
     driven(host)
 
 
@@ -186,12 +186,12 @@ def test_it_tells_its_limits(start: Start) -> None:
     host = start(greet=False)
     greeting = host.begin()
     assert greeting.startswith("N itouch-line 2 uno ")
-    found = Promises.read(greeting)
-    assert found == Promises(
+    found = StatedLimits.read(greeting)
+    assert found == StatedLimits(
         NUMBERS["MOST_A"], (NUMBERS["PLATE_COLD_C"], NUMBERS["PLATE_HOT_C"]), NUMBERS["SINK_HOT_C"],
         NUMBERS["SILENCE_MS"] * 1e-3, "power", "none",
     )  # fmt: skip
-    assert not_kept(found, {"temperature": (288.15, 313.15), "current": 3.0}) == []
+    assert unmet_limits(found, {"temperature": (288.15, 313.15), "current": 3.0}) == []
 
 
 def test_the_sinks_limit_keeps_the_plate_below_45_whatever_the_fan_does() -> None:

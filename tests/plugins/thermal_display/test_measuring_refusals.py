@@ -13,13 +13,13 @@ import pytest
 import itouch
 from itouch.plugin import DeviceError
 from itouch_thermal import bench_spread, cli, reproduce
+from itouch_thermal.atomic_write import write_whole
 from itouch_thermal.flux.curve import read_curve
 from itouch_thermal.measuring import command, sampling
 from itouch_thermal.measuring.command import Prompts
 from itouch_thermal.measuring.correct import Sensors, correct
 from itouch_thermal.measuring.sampling import Given, Sampled, Source, calibrated
 from itouch_thermal.measuring.touches import Record, Touched, Wanted, sort_out, touches
-from itouch_thermal.whole_file import write_whole
 
 CASE = Path(__file__).parent.parent / "thermal" / "cases" / "b_wood_R0.json"
 SKIN, ROOM = 306.15, 296.15
@@ -254,7 +254,7 @@ def test_pictures_on_a_full_disk_leave_the_earlier_ones_and_name_them(tmp_path, 
 
 
 def test_what_goes_to_a_pipe_is_written_into_it(tmp_path):
-    script = "from pathlib import Path; from itouch_thermal.whole_file import write_whole; write_whole(Path('/dev/stdout'), 'x')"
+    script = "from pathlib import Path; from itouch_thermal.atomic_write import write_whole; write_whole(Path('/dev/stdout'), 'x')"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "x"), done.stderr
 

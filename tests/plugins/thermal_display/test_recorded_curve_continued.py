@@ -10,8 +10,8 @@ from display_scenes import Display
 
 import itouch
 from contact_heat import live, packing
+from itouch_thermal.curve_playback import CurvePlayback, flux_step
 from itouch_thermal.heat import FINGER, finger_side, object_side
-from itouch_thermal.played import Playing, flux_step
 
 CONTROL = '<thermal:flux-control display="peltier" desired-from="heat"{}>{}</thermal:flux-control>'
 
@@ -67,7 +67,7 @@ def _loss(finger: np.ndarray) -> float:
 
 
 def test_no_curve_is_no_step() -> None:
-    playing = Playing((None,), 1e-3)
+    playing = CurvePlayback((None,), 1e-3)
     assert not playing.plays(0) and not playing.plays(-1)
     with pytest.raises(ValueError, match="object 0"):
         playing.step(np.zeros(1), np.zeros(1), 0, 1)

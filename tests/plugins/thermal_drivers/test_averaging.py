@@ -142,12 +142,12 @@ def test_an_answer_that_does_not_come_is_asked_for_again(lapse: str, words: str)
     with t7() as (device, params):
         driver, stamps = LabJackDriver(replace(params, infrared=None), patience=2.0), Told()
         driver.exchange(PLATE)
-        setattr(device.lapses, lapse, 1)
+        setattr(device.injected, lapse, 1)
         assert driver.exchange(PLATE).flux == pytest.approx(500.0, rel=1e-4)
-        assert getattr(device.lapses, lapse) == 0
+        assert getattr(device.injected, lapse) == 0
         driver.stamp(stamps)
         assert stamps.said["heat_flux"][1] == pytest.approx(9.5e-3)
-        setattr(device.lapses, lapse, 9)
+        setattr(device.injected, lapse, 9)
         with pytest.raises(DeviceError, match=words):
             driver.exchange(PLATE)
         driver.close()

@@ -28,7 +28,7 @@ def tec(trace: Trace) -> None:
         driver = TecDriver(Mecom(port=terminal.path), trace, patience=20.0)
         for current in (0.0, 1.25, -2.5):
             driver.exchange(current)
-        device.lapses.busy = 1
+        device.injected.busy = 1
         driver.exchange(0.5)
         driver.close()
     terminal.close()
@@ -46,7 +46,7 @@ def line(trace: Trace) -> None:
     with own_rig(terminal) as device:
         driver = LineDriver(LinePort(port=terminal.path), trace, patience=20.0)
         driver.exchange(1.5)
-        device.lapses.damaged = 1
+        device.injected.damaged = 1
         driver.exchange(-0.25)
         driver.close()
     terminal.close()

@@ -108,7 +108,7 @@ def test_a_controller_that_was_deaf_for_a_moment_gets_its_zero(terminal: Termina
     with controller(terminal) as device:
         tec = driver(terminal, 2.0)
         tec.exchange(0.5)
-        device.lapses.lost = 4  # all that is asked at the fast speed; at the slow one it hears nothing
+        device.injected.lost = 4  # all that is asked at the fast speed; at the slow one it hears nothing
         with pytest.raises(MecomError, match="did not answer 7 times"):
             tec.exchange(1.5)
         assert device.raised == FAST and device.floats[50001] == 0.5
@@ -120,7 +120,7 @@ def test_a_controller_that_was_deaf_for_a_moment_gets_its_zero(terminal: Termina
 def test_a_controller_that_is_busy_is_not_looked_for_at_another_speed(terminal: Terminal) -> None:  # noqa: F811
     with controller(terminal) as device:
         tec = driver(terminal)
-        device.lapses.busy = 4
+        device.injected.busy = 4
         with pytest.raises(MecomRefusal, match="busy"):
             tec.exchange(1.5)
         assert terminal.host_baud() == FAST

@@ -321,11 +321,11 @@ def test_a_t7_with_habits(piece: int, delay: float, busy: int) -> None:
     with modbus(device, piece=piece, delay=delay) as host:
         driver = LabJackDriver(sensors(host), patience=8.0)
         for _ in range(3):
-            device.lapses.busy = busy
+            device.injected.busy = busy
             read = driver.exchange(300.0)
             assert read.flux == pytest.approx(1234.0, rel=1e-3)  # high word first: otherwise it would be nonsense
             assert read.skin == pytest.approx(273.15 + 33.0, abs=1e-3)
-        device.lapses.busy = 9
+        device.injected.busy = 9
         with pytest.raises(DeviceError, match="refuses register"):
             driver.exchange(300.0)
         driver.close()
@@ -363,12 +363,12 @@ def test_a_t7_that_answers_too_late_is_told_in_time_and_is_there_again() -> None
     device = VirtualT7(volts={0: SENSOR.voltage(-500.0, 300.0), 2: 1.65})
     with modbus(device) as host:
         driver = LabJackDriver(sensors(host))
-        device.lapses.lost = 8
+        device.injected.lost = 8
         begin = time.monotonic()
         with pytest.raises(DeviceError, match="does not answer"):
             driver.exchange(300.0)
         assert time.monotonic() - begin < 60.0  # it ends
-        device.lapses.lost = 0
+        device.injected.lost = 0
         assert driver.exchange(300.0).flux == pytest.approx(-500.0, rel=1e-3)
         driver.close()
 

@@ -1,4 +1,4 @@
-"""MeCom, LabJack T7 and line protocol: by hand, against virtual instruments over real ports, with lapses and faults."""
+"""MeCom, LabJack T7 and line protocol: by hand, against virtual instruments over real ports, with injected and faults."""
 
 from __future__ import annotations
 
@@ -122,9 +122,9 @@ def test_a_lapse_is_tried_again_and_one_more_is_an_error(terminal: Terminal, lap
     with mecom(terminal) as device:
         client = MecomClient(terminal.path, patience=5.0)
         for times in (1, 2, most):
-            setattr(device.lapses, lapse, times)
+            setattr(device.injected, lapse, times)
             assert client.read_float(1001) == pytest.approx(28.35, abs=1e-4)
-        setattr(device.lapses, lapse, most + 1)
+        setattr(device.injected, lapse, most + 1)
         begin = time.monotonic()
         with pytest.raises(MecomError):
             client.read_float(1001)
@@ -323,14 +323,14 @@ def test_another_product_a_lost_answer_and_no_answer_are_told() -> None:
             LabJackDriver(params)
         device.product = 7.0
         driver = LabJackDriver(params)
-        device.lapses.lost = 1
+        device.injected.lost = 1
         with pytest.raises(DeviceError, match="does not answer"):
-            device.lapses.lost = 5
+            device.injected.lost = 5
             driver.exchange(300.0)
-        device.lapses.lost = 0
+        device.injected.lost = 0
         driver.close()
         driver = LabJackDriver(params)
-        device.lapses.busy = 5  # it is asked again three times
+        device.injected.busy = 5  # it is asked again three times
         with pytest.raises(DeviceError, match="refuses register"):
             driver.exchange(300.0)
         driver.close()
@@ -398,7 +398,7 @@ def test_a_rig_of_ones_own(terminal: Terminal) -> None:
         seen = rig.exchange(-1.5)
         assert seen == pytest.approx((299.0, 300.0, -42.0, 305.0, -1.5), abs=1e-3)
         for lapse in ("lost", "damaged"):
-            setattr(device.lapses, lapse, 2)
+            setattr(device.injected, lapse, 2)
             assert rig.exchange(0.5).current == 0.5
         with pytest.raises(DeviceError, match="refuses 'I 11.00000': out of range"):
             rig.exchange(11.0)

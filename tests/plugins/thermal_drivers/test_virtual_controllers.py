@@ -8,7 +8,7 @@ import pytest
 
 from itouch_thermal.drivers import emulator
 from itouch_thermal.drivers.mecom import crc16
-from itouch_thermal.drivers.virtual import Lapses, Plate, VirtualMecom
+from itouch_thermal.drivers.virtual import InjectedErrors, Plate, VirtualMecom
 
 
 def test_one_that_is_asked_for_several_answers_them_all_or_with_its_first_refusal_alone() -> None:
@@ -34,7 +34,7 @@ def test_a_lapse_is_one_answer_and_late_is_that_to_the_request_before(asked: int
     assert right[:7] == b"!00%04X" % asked and right.endswith(b"%04X\r" % crc16(right[:-5]))
     said = {}
     for lapse in ("late", "lost", "busy", "damaged"):
-        device.lapses = Lapses(**{lapse: 1})
+        device.injected = InjectedErrors(**{lapse: 1})
         said[lapse] = device.take(message(asked, b"?IF"))
         assert device.take(message(asked, b"?IF")) == right
     assert said["late"][:7] == b"!00%04X" % before

@@ -13,7 +13,7 @@ from itouch_arms.haply.virtual import VirtualService
 _BYTES = 65536
 
 
-class _Guest:
+class _Connection:
     """One connection, with the answers still to be sent and the times at which they are due [s]."""
 
     def __init__(self, line: socket.socket) -> None:
@@ -44,7 +44,7 @@ class Server:
             raise DeviceError(f"no virtual Inverse Service can listen on {where}: {error.strerror or error}") from error
         self._listener.setblocking(False)
         self._service = service
-        self._guests: list[_Guest] = []
+        self._connections: list[_Connection] = []
 
     @property
     def port(self) -> int:
@@ -54,7 +54,7 @@ class Server:
 
     def handles(self) -> list[int]:
         """Return the file descriptors on which data may arrive."""
-        return [self._listener.fileno(), *(guest.line.fileno() for guest in self._guests)]
+        return [self._listener.fileno(), *(connection.line.fileno() for connection in self._connections)]
 
     def step(self, now: float) -> None:
         """Accept new connections, and answer the messages that have arrived by a time [s]."""
@@ -62,59 +62,59 @@ class Server:
             line, _ = self._listener.accept()
             line.setblocking(False)
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._guests.append(_Guest(line))
-        for guest in list(self._guests):
+            self._connections.append(_Connection(line))
+        for connection in list(self._connections):
             try:
-                alive = self._attend(guest, now)
+                alive = self._attend(connection, now)
             except Exception:  # it is gone, closes, or sends what the library asserts never to be sent
                 alive = False
             if not alive:
-                self._guests.remove(guest)
-                guest.line.close()
+                self._connections.remove(connection)
+                connection.line.close()
 
-    def _attend(self, guest: _Guest, now: float) -> bool:
+    def _attend(self, connection: _Connection, now: float) -> bool:
         with contextlib.suppress(BlockingIOError):
-            data = guest.line.recv(_BYTES)
+            data = connection.line.recv(_BYTES)
             if data:
-                guest.protocol.receive_data(data)
+                connection.protocol.receive_data(data)
             else:
-                guest.protocol.receive_eof()
-            for event in guest.protocol.events_received():
-                if not self._take(guest, event, now):
+                connection.protocol.receive_eof()
+            for event in connection.protocol.events_received():
+                if not self._take(connection, event, now):
                     return False
             if not data:
                 return False
-        while guest.due and guest.due[0][0] <= now:
-            guest.protocol.send_text(guest.due.pop(0)[1].encode())
-        return self._flush(guest)
+        while connection.due and connection.due[0][0] <= now:
+            connection.protocol.send_text(connection.due.pop(0)[1].encode())
+        return self._flush(connection)
 
-    def _take(self, guest: _Guest, event: Any, now: float) -> bool:
+    def _take(self, connection: _Connection, event: Any, now: float) -> bool:
         from websockets.frames import Frame, Opcode
         from websockets.http11 import Request
 
         if isinstance(event, Request):
-            guest.protocol.send_response(guest.protocol.accept(event))
-            if guest.protocol.handshake_exc is None:
-                guest.protocol.send_text(self._service.inventory().encode())
+            connection.protocol.send_response(connection.protocol.accept(event))
+            if connection.protocol.handshake_exc is None:
+                connection.protocol.send_text(self._service.inventory().encode())
         elif isinstance(event, Frame) and event.opcode is Opcode.TEXT:
             faults = self._service.faults
             answers = self._service.answer(bytes(event.data).decode(), now)
             if faults.hang_up:
                 faults.hang_up = False
-                guest.protocol.send_text(answers[-1].encode())
-                data = b"".join(guest.protocol.data_to_send())
-                guest.line.sendall(data[: len(data) // 2])
+                connection.protocol.send_text(answers[-1].encode())
+                data = b"".join(connection.protocol.data_to_send())
+                connection.line.sendall(data[: len(data) // 2])
                 return False
             due, faults.late = now + faults.late, 0.0
-            guest.due += [(due, answer) for answer in answers]
+            connection.due += [(due, answer) for answer in answers]
         return True
 
     @staticmethod
-    def _flush(guest: _Guest) -> bool:
-        for data in guest.protocol.data_to_send():
+    def _flush(connection: _Connection) -> bool:
+        for data in connection.protocol.data_to_send():
             if not data:
                 return False
-            guest.line.sendall(data)
+            connection.line.sendall(data)
         return True
 
     def serve(self, stop: Callable[[], bool], clock: Callable[[], float], *, look: float = 2e-4) -> None:
@@ -127,7 +127,7 @@ class Server:
 
     def close(self) -> None:
         """Close all connections without a closing handshake."""
-        for guest in self._guests:
-            guest.line.close()
-        self._guests.clear()
+        for connection in self._connections:
+            connection.line.close()
+        self._connections.clear()
         self._listener.close()

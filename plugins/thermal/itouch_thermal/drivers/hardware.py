@@ -8,8 +8,8 @@ from typing import Any
 from itouch.plugin import Attached, Device, DeviceError, Emulation, Opening, Record, Timing
 from itouch_thermal.drivers.emulator import DisplayEmulator
 from itouch_thermal.drivers.fits import FITS
-from itouch_thermal.drivers.promises import SILENCE
 from itouch_thermal.drivers.rig import Rig, rig_of
+from itouch_thermal.drivers.stated_limits import SILENCE
 from itouch_thermal.drivers.tec import LONGEST_WATCHDOG
 
 #: Bytes of a command and its answer on the line of a rig of one's own, and the rest of the exchange's time [s].

@@ -24,8 +24,8 @@ from itouch.plugin import DeviceError, Stamps, Trace
 from itouch_thermal.drivers.answer_times import AnswerTimes
 from itouch_thermal.drivers.driver_params import BELIEVED, LinePort
 from itouch_thermal.drivers.flowing_current import FlowingCurrent
-from itouch_thermal.drivers.promises import CAUSES, Promises, not_kept
 from itouch_thermal.drivers.serialport import SerialLine
+from itouch_thermal.drivers.stated_limits import CAUSES, StatedLimits, unmet_limits
 
 GREETING = "itouch-line 1"
 GREETING_2 = "itouch-line 2"
@@ -117,7 +117,7 @@ class LineDriver:
     patience
         Factor on every waiting time for an answer.
     limits
-        The limits in force for the device, by name, in SI: the rig's promises must satisfy them.
+        The limits in force for the device, by name, in SI: the limits that the rig states must satisfy them.
     release
         Whether to release a cut-off first.
 
@@ -149,16 +149,16 @@ class LineDriver:
         #: [s], and which answers are prompt.
         self._age, self._ago, self._times = params.age, 0.0, AnswerTimes()
         self._byte = 0.0 if "://" in params.port else 10.0 / params.baud
-        #: The promises of a rig of version 2; None: it speaks version 1.
-        self.promises: Promises | None = None
+        #: The limits that a rig of version 2 states; None: it speaks version 1.
+        self.stated: StatedLimits | None = None
         self._flowing = FlowingCurrent(f"the rig on {params.port}", less=True)
         try:
             self.identity = self._greet()
             if self._version == 2:
                 if release:
                     self.identity = self._ask("C", "N")
-                self.promises = Promises.read(self.identity)
-                self._check(self.promises, limits or {})
+                self.stated = StatedLimits.read(self.identity)
+                self._check(self.stated, limits or {})
             elif params.firmware == "reference":
                 raise DeviceError(f"on {params.port} answers '{self.identity}', not the reference display's program")
         except BaseException:
@@ -176,17 +176,15 @@ class LineDriver:
                 if time.monotonic() >= limit:
                     raise
         if _says(found, GREETING_2):
-            self._version = 2  # whichever checksum it has: its promises must be checked
+            self._version = 2  # whichever checksum it has: the limits that it states must be checked
         elif not _says(found, GREETING):
             raise DeviceError(f"on {self._line.port} answers '{found}', not '{GREETING}' or '{GREETING_2}'")
         return found
 
-    def _check(self, promises: Promises, limits: Mapping[str, Any]) -> None:
-        problems = not_kept(promises, limits)
-        if promises.cut != "none":
-            problems.insert(
-                0, self._cut(promises.cut, "; find out why, then: itouch-py thermal display PORT --release")
-            )
+    def _check(self, stated: StatedLimits, limits: Mapping[str, Any]) -> None:
+        problems = unmet_limits(stated, limits)
+        if stated.cut != "none":
+            problems.insert(0, self._cut(stated.cut, "; find out why, then: itouch-py thermal display PORT --release"))
         if problems:
             raise DeviceError("; ".join(f"the rig on {self._line.port} {problem}" for problem in problems))
 

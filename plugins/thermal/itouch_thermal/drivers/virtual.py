@@ -27,7 +27,7 @@ class Plate:
 
 
 @dataclass(slots=True)
-class Lapses:
+class InjectedErrors:
     """Numbers of answers to lose, to damage, to replace by "busy", or to send with the previous request's number."""
 
     lost: int = 0
@@ -65,7 +65,7 @@ class VirtualMecom:
     plate: Plate
     address: int = 2
     instance: int = 1
-    lapses: Lapses = field(default_factory=Lapses)
+    injected: InjectedErrors = field(default_factory=InjectedErrors)
     error: int = 0
     flash: int = 0
     integers: dict[int, int] = field(
@@ -123,15 +123,15 @@ class VirtualMecom:
         body, check = message[:-4], message[-4:]
         if len(message) < 11 or check != b"%04X" % crc16(body) or int(body[1:3], 16) not in (0, self.address):
             return b""
-        if self.lapses.take("lost"):
+        if self.injected.take("lost"):
             return b""
         self._heard = self.now
         head = b"!" + body[1:7]
-        if self.lapses.take("late"):
+        if self.injected.take("late"):
             head = b"!" + body[1:3] + b"%04X" % (int(body[3:7], 16) - 1 & 0xFFFF)
-        answer = b"+02" if self.lapses.take("busy") else self._payload(body[7:].decode("ascii", "replace"))
+        answer = b"+02" if self.injected.take("busy") else self._payload(body[7:].decode("ascii", "replace"))
         whole = head + answer + (b"%04X" % crc16(head + answer) if answer else check) + b"\r"
-        if self.lapses.take("damaged"):
+        if self.injected.take("damaged"):
             whole = whole[:7] + b"?" + whole[8:]
         return whole
 
@@ -189,7 +189,7 @@ class VirtualLine:
     """A rig of one's own, with its watchdog."""
 
     plate: Plate
-    lapses: Lapses = field(default_factory=Lapses)
+    injected: InjectedErrors = field(default_factory=InjectedErrors)
     current: float = 0.0
     limit: float = 10.0
     _fed: float = -math.inf
@@ -202,10 +202,10 @@ class VirtualLine:
         while b"\n" in self._text:
             line, _, self._text = self._text.partition(b"\n")
             body = lineport.unseal(line)
-            if body is None or self.lapses.take("lost"):
+            if body is None or self.injected.take("lost"):
                 continue
             answer = lineport.seal(self._answer(body, now))
-            out += b"#" + answer[1:] if self.lapses.take("damaged") else answer
+            out += b"#" + answer[1:] if self.injected.take("damaged") else answer
         return out
 
     def output(self, now: float) -> float:
@@ -245,7 +245,7 @@ class VirtualT7:
 
     volts: dict[int, float] = field(default_factory=dict)
     product: float = 7.0
-    lapses: Lapses = field(default_factory=Lapses)
+    injected: InjectedErrors = field(default_factory=InjectedErrors)
     words: dict[int, int] = field(default_factory=dict)
     averages: bool = True
     _seen: dict[int, deque[tuple[float, float]]] = field(default_factory=dict)
@@ -271,14 +271,14 @@ class VirtualT7:
 
     def answer(self, request: bytes) -> bytes | None:
         """Answer one Modbus message without its header (function code and data); None: no answer."""
-        if self.lapses.take("lost"):
+        if self.injected.take("lost"):
             return None
         function = request[0]
         if function in (3, 4) and len(request) == 5:
             address, count = struct.unpack(">HH", request[1:5])
             if not 1 <= count <= 120:
                 return bytes((function | 0x80, 3))
-            if self.lapses.take("busy"):
+            if self.injected.take("busy"):
                 return bytes((function | 0x80, 6))
             if not self.averages and self._is_feature(address):
                 return bytes((function | 0x80, 2))

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from itouch.plugin import ItouchError, waiting
 from itouch.plugin.commands import command_parser, output_file
+from itouch_thermal.atomic_write import write_whole
 from itouch_thermal.identify.fit import TOLD, UNITS, Fit, Problem
 from itouch_thermal.identify.records import DEPTH, Loaded, load, problem_of
-from itouch_thermal.whole_file import write_whole
 
 
 def main(argv: Sequence[str]) -> int:

@@ -15,10 +15,10 @@ import numpy as np
 
 from itouch.plugin import ItouchError, parse_quantity
 from itouch.plugin.commands import command_parser, output_file, output_folder
+from itouch_thermal.atomic_write import write_whole
 from itouch_thermal.measuring.correct import Average, average
 from itouch_thermal.measuring.sampling import Given, Sampled, sample
 from itouch_thermal.measuring.touches import BASE, LASTS, TOUCHED, Touched, Wanted, pressed, sort_out, touches
-from itouch_thermal.whole_file import write_whole
 
 _LIFT = "lift the finger, and wait until the sample has recovered"
 

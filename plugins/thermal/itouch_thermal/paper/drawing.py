@@ -7,9 +7,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from itouch_thermal.atomic_write import write_whole
 from itouch_thermal.paper.figures import CURRENT, Figure, Line, Panel
 from itouch_thermal.paper.sketches import SKETCHES
-from itouch_thermal.whole_file import write_whole
 
 #: Width of a column and height of a panel [inch], dots per inch.
 WIDTH, HEIGHT, DPI = 3.5, 2.55, 220

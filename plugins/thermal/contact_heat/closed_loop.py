@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from contact_heat.dot_product import padded
 from contact_heat.hosting import kernel
-from contact_heat.lanes import padded
 from contact_heat.stack import Array
 
 #: A mode whose rate times the period exceeds this has decayed after one step.

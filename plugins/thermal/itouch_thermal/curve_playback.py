@@ -1,4 +1,4 @@
-"""What the model finger undergoes while the display plays a recorded curve in place of a computed flux."""
+"""Playback of a recorded curve in place of a computed flux: what the model finger undergoes meanwhile."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def flux_step(model: Array, state: Array, before: float, after: float) -> None:
     state[tail + HEAT] -= float(quadrature() @ stages) * float(model[PERIOD])
 
 
-class Playing:
+class CurvePlayback:
     """The curves that are played for the objects of a scene, and their effect on the finger."""
 
     def __init__(self, curves: tuple[Curve | None, ...], period: float) -> None:

@@ -35,7 +35,7 @@ def block(*layers: Layer) -> Side:
     return Side(layers=layers, initial=Initial(kind="uniform", temperature=_ROOM), back=back)
 
 
-def stated_cases() -> dict[str, Contact]:
+def published_cases() -> dict[str, Contact]:
     """Return the stated cases by name."""
     return {
         "wood, R 0": Contact(FINGERTIP, block(WOOD), 0.0),

@@ -1,4 +1,4 @@
-"""The promises in the greeting of a self-built rig, and whether they satisfy the limits in force for the device."""
+"""The limits that a self-built rig states in its greeting, and whether they satisfy those in force for the device."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CAUSES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Promises:
+class StatedLimits:
     """Greatest current [A], cut-off temperatures of plate and sink [degC], watchdog [s]; last reset and cut-off."""
 
     amps: float
@@ -41,7 +41,7 @@ class Promises:
     cut: str
 
     @classmethod
-    def read(cls, greeting: str) -> Promises:
+    def read(cls, greeting: str) -> StatedLimits:
         """Parse them from a greeting.
 
         Raises
@@ -68,16 +68,16 @@ class Promises:
         return found
 
 
-def not_kept(promises: Promises, limits: Mapping[str, Any]) -> list[str]:
-    """Return, in words, which promises do not satisfy these limits in force (SI)."""
-    low, high = promises.plate
+def unmet_limits(stated: StatedLimits, limits: Mapping[str, Any]) -> list[str]:
+    """Return, in words, which of the stated limits do not satisfy these limits in force (SI)."""
+    low, high = stated.plate
     problems = []
     if low < PLATE_ABSOLUTE[0] or high > PLATE_ABSOLUTE[1]:
         problems.append(f"cuts itself off at {low:g} and {high:g} degC of its plate: it must at 8 and 45 or between")
-    if promises.sink > SINK_ABSOLUTE:
-        problems.append(f"cuts itself off at {promises.sink:g} degC of its sink: it must at {SINK_ABSOLUTE:g} or below")
-    if promises.silence > SILENCE:
-        problems.append(f"goes to zero after {promises.silence:g} s without an order: it must within {SILENCE:g} s")
+    if stated.sink > SINK_ABSOLUTE:
+        problems.append(f"cuts itself off at {stated.sink:g} degC of its sink: it must at {SINK_ABSOLUTE:g} or below")
+    if stated.silence > SILENCE:
+        problems.append(f"goes to zero after {stated.silence:g} s without an order: it must within {SILENCE:g} s")
     allowed = limits.get("temperature")
     if allowed is not None:
         least, most = (value - KELVIN for value in allowed)
@@ -87,9 +87,9 @@ def not_kept(promises: Promises, limits: Mapping[str, Any]) -> list[str]:
                 f'{most:g}: tighten <limits temperature="..."/>'
             )
     amps = limits.get("current")
-    if amps is not None and amps > promises.amps * (1.0 + 1e-6):
+    if amps is not None and amps > stated.amps * (1.0 + 1e-6):
         problems.append(
-            f'gives {promises.amps:g} A at most, and the scene asks for {amps:g}: write <limits current="'
-            f'{promises.amps:g} A"/>'
+            f'gives {stated.amps:g} A at most, and the scene asks for {amps:g}: write <limits current="'
+            f'{stated.amps:g} A"/>'
         )
     return problems
