@@ -113,12 +113,12 @@ for shapes in (proxy.geometry, box):  # as a modality that computes contact call
 
 
 @pytest.fixture(scope="session", autouse=True)
-def unwatched() -> Generator[None]:
+def no_guardian() -> Generator[None]:
     """Drive fake hardware here without a guardian, which could not open it: tests/servo/test_own_guardian.py has one."""
     from itouch.session import Session
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(Session, "GUARDIAN", "unwatched:watch")
+        patched.setattr(Session, "GUARDIAN", "no_guardian:watch")
         yield
 
 

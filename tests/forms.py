@@ -11,7 +11,7 @@ from typing import Any
 import campaign
 import long_results
 import pytest
-from needed import MEANT
+from requirements import MEANT
 
 HERE = Path(__file__).parent
 #: Tests that a whole run of the short form leaves out though they are not marked ``long``: one a line, a test of some

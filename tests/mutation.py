@@ -9,7 +9,7 @@ seen by coverage: their mutants meet all tests of the room.  What is compiled is
 goes with the campaign, so that of a changed kernel only it and its callers are compiled anew.
 
 ``--reach FOLDER`` lets each mutant meet the tests of the whole tree instead that reach its line, up to a budget of
-processor time (``whole_tree.py``); ``--results FILE.jsonl`` notes each outcome, to go on after a stop, and to meet what has
+processor time (``mutant_runner.py``); ``--results FILE.jsonl`` notes each outcome, to go on after a stop, and to meet what has
 lived ``--again`` after tests were written.
 
 Tests that a whole run of the short form leaves out (``long_form.txt``) meet what the others have let live: two scores, and
@@ -37,8 +37,8 @@ from pathlib import Path
 from typing import Any
 
 from forms import KEPT, LIST, read_list, stands_in
+from mutant_runner import OPTIONS, Meeting, Outcome, Reached, Tests, collected, guarded, keep_kernels
 from mutants import HERE, ROOMS, SAFETY, TREE, Changed, Mutant, draw, equivalents, find, is_compiled
-from whole_tree import OPTIONS, Meeting, Outcome, Reached, Tests, collected, guarded, keep_kernels
 
 __all__ = [
     "HERE",

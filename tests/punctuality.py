@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from _pytest.runner import runtestprotocol
-from needed import not_here
+from requirements import not_here
 
 #: How late [s] a loop may come to its turn where tests that are marked ``punctual`` must pass, and how often they may try.
 LATE, TRIES = 0.01, 3

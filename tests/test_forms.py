@@ -51,7 +51,7 @@ def test_a_stale_name_is_one_sentence(tmp_path: Path, workers: tuple[str, ...]) 
 LEFT_OUT = """
 import sys
 import pytest
-from needed import meant, not_here
+from requirements import meant, not_here
 
 def test_skipped():
     pytest.skip("it lacks this")

@@ -14,7 +14,7 @@ TESTS = """
 import os
 import pytest
 from campaign import tell
-from needed import not_here
+from requirements import not_here
 
 @pytest.mark.long
 @pytest.mark.parametrize("word", ["a", "b"])

@@ -10,10 +10,10 @@ import sys
 from array import array
 from pathlib import Path
 
+import mutant_runner
 import mutants
 import mutation
 import pytest
-import whole_tree
 from shipped import REPOSITORY
 
 HERE = Path(__file__).parent
@@ -64,7 +64,7 @@ def test_a_change_that_is_listed_hides_no_other() -> None:
     assert change("total = 0.0", "total =  1.0") in mutation.equivalents()
     assert change("total = 0.0", "total = 2.0") not in mutation.equivalents()
     assert change("if apart >", "if apart >=") not in mutation.equivalents()
-    assert change("if apart >", "if apart >=")[1:] == ("ifapart>able.apart[0]:", "ifapart>=able.apart[0]:")
+    assert change("if apart >", "if apart >=")[1:] == ("ifapart>limits.apart[0]:", "ifapart>=limits.apart[0]:")
 
 
 #: A program of one line, and tests of which not each is to be believed.
@@ -92,14 +92,14 @@ MEETINGS = """
 import json, os, sys
 sys.path.insert(0, {here!r})
 from pathlib import Path
-import mutants, whole_tree
-whole_tree.PATIENCE = 1.0
+import mutants, mutant_runner
+mutant_runner.PATIENCE = 1.0
 folder = Path.cwd()
 (folder / "work").mkdir()
 
 def meet(line, tests, budget=60.0, control=None):
     changed = mutants.Mutant("", folder / "tests" / "program.py", 2, "", "def answer() -> int:\\n    " + line + "\\n")
-    meeting = whole_tree.Meeting(whole_tree.Tests(whole_tree.Reached(), {{}}), folder / "work", budget)
+    meeting = mutant_runner.Meeting(mutant_runner.Tests(mutant_runner.Reached(), {{}}), folder / "work", budget)
     found = meeting.meet(changed, ["tests/test_" + test for test in tests])
     return found.by.removeprefix("tests/test_"), found.how, found.cut
 
@@ -136,13 +136,13 @@ def test_a_mutant_is_noticed_by_who_passes_alone_without_it(tmp_path: Path) -> N
 def test_who_waits_on_a_busy_machine_does_not_hang(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     monkeypatch.setattr("os.getloadavg", lambda: (0.1, 0.1, 0.1))
-    assert whole_tree.hangs(61.0, 0.0, allowed=60.0)
-    assert not whole_tree.hangs(59.0, 0.0, allowed=60.0)
-    assert not whole_tree.hangs(200.0, 30.0, allowed=60.0), "it runs, slowly"
-    assert whole_tree.hangs(100.0, 61.0, allowed=60.0)
+    assert mutant_runner.hangs(61.0, 0.0, allowed=60.0)
+    assert not mutant_runner.hangs(59.0, 0.0, allowed=60.0)
+    assert not mutant_runner.hangs(200.0, 30.0, allowed=60.0), "it runs, slowly"
+    assert mutant_runner.hangs(100.0, 61.0, allowed=60.0)
     monkeypatch.setattr("os.getloadavg", lambda: (8.0, 8.0, 8.0))
-    assert not whole_tree.hangs(200.0, 0.0, allowed=60.0), "whom it waits for has to wait"
-    assert whole_tree.hangs(500.0, 0.0, allowed=60.0)
+    assert not mutant_runner.hangs(200.0, 0.0, allowed=60.0), "whom it waits for has to wait"
+    assert mutant_runner.hangs(500.0, 0.0, allowed=60.0)
 
 
 def test_every_decorator_that_compiles_is_known() -> None:
@@ -162,15 +162,15 @@ def test_every_decorator_that_compiles_is_known() -> None:
         names = {ast.unparse(one).partition("(")[0] for node in functions for one in node.decorator_list}
         used |= names & imported
         assert all(
-            whole_tree.is_kernel(node) for node in functions
+            mutant_runner.is_kernel(node) for node in functions
             if {ast.unparse(one).partition("(")[0] for one in node.decorator_list} & imported & mutants.COMPILING
         )  # fmt: skip
     assert "linked" in used and used <= mutants.COMPILING
-    assert not whole_tree.is_kernel(ast.parse("@lru_cache\ndef f(): pass").body[0])
+    assert not mutant_runner.is_kernel(ast.parse("@lru_cache\ndef f(): pass").body[0])
 
 
 def test_lines_are_found_where_they_stand_by_now() -> None:
-    assert whole_tree.moved("a\nb\nc\nd\n", "new\na\nB\nB2\nd\n") == {1: [2], 2: [3, 4], 3: [3, 4], 4: [5]}
+    assert mutant_runner.moved("a\nb\nc\nd\n", "new\na\nB\nB2\nd\n") == {1: [2], 2: [3, 4], 3: [3, 4], 4: [5]}
 
 
 MODULES = {
@@ -193,20 +193,22 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    monkeypatch.setattr(whole_tree, "TREE", tmp_path)
+    monkeypatch.setattr(mutant_runner, "TREE", tmp_path)
     monkeypatch.setitem(mutation.ROOMS, "room", ("framework/room", ("room",)))
-    whole_tree._uses.cache_clear()
+    mutant_runner._uses.cache_clear()
     return tmp_path / "framework/room"
 
 
 def test_who_calls_a_kernel_or_reads_a_constant_reaches_it(small: Path) -> None:
     python, kernels = small / "python.py", small / "kernels.py"
-    assert set(whole_tree.users(kernels, ["inner_part"])) == {(python, 7), (python, 8)}
-    assert set(whole_tree.users(kernels, ["LIMIT"])) == {(python, 9)}
-    assert whole_tree.place(python, 8).statement == range(7, 9)
-    assert whole_tree.place(python, 8).function == range(6, 11)
-    assert whole_tree.place(kernels, 6) == whole_tree.Place(range(6, 7), range(0), frozenset({"inner_part"}), True)
-    assert whole_tree.place(kernels, 1).names == {"LIMIT"}
+    assert set(mutant_runner.users(kernels, ["inner_part"])) == {(python, 7), (python, 8)}
+    assert set(mutant_runner.users(kernels, ["LIMIT"])) == {(python, 9)}
+    assert mutant_runner.place(python, 8).statement == range(7, 9)
+    assert mutant_runner.place(python, 8).function == range(6, 11)
+    assert mutant_runner.place(kernels, 6) == mutant_runner.Place(
+        range(6, 7), range(0), frozenset({"inner_part"}), True
+    )
+    assert mutant_runner.place(kernels, 1).names == {"LIMIT"}
 
 
 def test_a_mutant_meets_who_reaches_it_and_who_shares_a_fixture_with_those(small: Path) -> None:
@@ -215,14 +217,14 @@ def test_a_mutant_meets_who_reaches_it_and_who_shares_a_fixture_with_those(small
     )  # fmt: skip
     cost = {maker: 2.0, heir: 0.01, other: 0.5, room: 1.0, "tests/gone.py::test": 0.1}
     lines = {("framework/room/python.py", 7): array("i", [0]), ("framework/room/python.py", 9): array("i", [1, 2, 4])}
-    reached = whole_tree.Reached([maker, other, room, heir, "tests/gone.py::test"], cost, lines)
+    reached = mutant_runner.Reached([maker, other, room, heir, "tests/gone.py::test"], cost, lines)
     fixture = ["tests/a/test_a.py:made"]
     for name, text in (("d/test_d.py", "from room.python import call"), ("room/test_e.py", "")):
         (small.parents[1] / "tests" / name).parent.mkdir(parents=True, exist_ok=True)
         (small.parents[1] / "tests" / name).write_text(text, encoding="utf-8")
     (small / "__init__.py").touch()
     near, new = "tests/d/test_d.py::test_5", "tests/room/test_e.py::test_6"
-    tests = whole_tree.Tests(reached, {maker: fixture, heir: fixture, other: [], room: [], near: [], new: []})
+    tests = mutant_runner.Tests(reached, {maker: fixture, heir: fixture, other: [], room: [], near: [], new: []})
 
     def met(name: str, line: int) -> list[str]:
         return tests.of(mutation.Mutant("room", small / name, line, "", ""))
@@ -244,14 +246,14 @@ def test_a_test_that_names_what_is_changed_is_met_before_all_others(small: Path)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "test_d.py").write_text(text, encoding="utf-8")
     other, direct, far = "tests/d/test_d.py::test_other", "tests/d/test_d.py::TestCalls::test_it", "tests/far.py::test"
-    reached = whole_tree.Reached(
+    reached = mutant_runner.Reached(
         [other, direct, far], {other: 0.01, direct: 0.5, far: 0.01},
         {("framework/room/python.py", 7): array("i", [0, 1, 2])},
     )  # fmt: skip
-    tests = whole_tree.Tests(reached, {other: [], direct: [], far: []})
-    assert whole_tree.said(small / "python.py", 8) == {"call"}
+    tests = mutant_runner.Tests(reached, {other: [], direct: [], far: []})
+    assert mutant_runner.said(small / "python.py", 8) == {"call"}
     assert tests.of(mutation.Mutant("room", small / "python.py", 8, "", ""))[0] == direct
-    tests.cost[direct] = 2.0 * whole_tree.COSTLY
+    tests.cost[direct] = 2.0 * mutant_runner.COSTLY
     assert tests.of(mutation.Mutant("room", small / "python.py", 8, "", ""))[0] == other
 
 
@@ -260,10 +262,10 @@ def test_the_page_of_all_attributes_is_met_first_by_what_a_module_binds(
 ) -> None:
     monkeypatch.setitem(mutation.ROOMS, "room", ("framework/room", ("room", mutants.PAGE)))
     page, user = f"tests/{mutants.PAGE}::test_a_page[scene.md]", "tests/room/test_c.py::test_4"
-    reached = whole_tree.Reached(
+    reached = mutant_runner.Reached(
         [page, user], {page: 0.5, user: 0.01}, {("framework/room/python.py", 9): array("i", [1])}
     )
-    tests = whole_tree.Tests(reached, {page: [], user: []})
+    tests = mutant_runner.Tests(reached, {page: [], user: []})
     assert tests.of(mutation.Mutant("room", small / "kernels.py", 1, "", "")) == [page, user]
     assert tests.of(mutation.Mutant("room", small / "python.py", 9, "", "")) == [user]
     reached.lines["framework/room/python.py", 9] = array("i", [0, 1])  # the page is made by who uses it, too
@@ -273,8 +275,8 @@ def test_the_page_of_all_attributes_is_met_first_by_what_a_module_binds(
 def test_what_a_decorator_says_of_a_class_meets_the_law_that_reads_it(small: Path) -> None:
     path = small / "python.py"
     path.write_text(path.read_text() + "\n\n@dataclass(frozen=True, slots=True)\nclass Some:\n    x: int\n", "utf-8")
-    law, user = f"tests/{whole_tree.DATACLASSES}", "tests/room/test_c.py::test_4"
-    tests = whole_tree.Tests(whole_tree.Reached([law, user], {law: 5.0, user: 0.01}), {law: [], user: []})
+    law, user = f"tests/{mutant_runner.DATACLASSES}", "tests/room/test_c.py::test_4"
+    tests = mutant_runner.Tests(mutant_runner.Reached([law, user], {law: 5.0, user: 0.01}), {law: [], user: []})
     line = path.read_text().splitlines().index("@dataclass(frozen=True, slots=True)") + 1
     assert tests.of(mutation.Mutant("room", path, line, "", "")) == [law, user]
     assert tests.of(mutation.Mutant("room", path, line + 2, "", "")) == [user]
@@ -282,27 +284,27 @@ def test_what_a_decorator_says_of_a_class_meets_the_law_that_reads_it(small: Pat
 
 def test_who_reads_the_text_of_a_mutant_reads_the_mutant(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Path, "read_text", Path.read_text)  # put back at the end
-    whole_tree._as_text(mutation.Mutant("room", small / "python.py", 1, "", "changed"))
+    mutant_runner._as_text(mutation.Mutant("room", small / "python.py", 1, "", "changed"))
     assert (small / "python.py").read_text(encoding="utf-8") == "changed"
     assert (small / "kernels.py").read_text(encoding="utf-8") != "changed"
 
 
 def test_a_new_case_reaches_what_the_others_of_its_function_do(small: Path) -> None:
     cases = [f"tests/a/test_a.py::test[{n}]" for n in range(3)]
-    reached = whole_tree.Reached(
+    reached = mutant_runner.Reached(
         cases[:2], dict.fromkeys(cases[:2], 0.1), {("framework/room/python.py", 9): array("i", [1])}
     )
-    tests = whole_tree.Tests(reached, {case: [] for case in cases})
+    tests = mutant_runner.Tests(reached, {case: [] for case in cases})
     assert set(tests.of(mutation.Mutant("room", small / "python.py", 9, "", ""))) == {cases[1], cases[2]}
 
 
 def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> None:
     cost = {"r.py::a[1]": 0.2, "r.py::a[2]": 0.1, "o.py::b": 0.01, "o.py::c": 5.0, "r.py::d": 0.5}
-    found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost)
+    found = mutant_runner.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost)
     assert found == ["r.py::a[2]", "r.py::d", "o.py::b", "r.py::a[1]", "o.py::c"]
-    found = whole_tree.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost, {"o.py"})
+    found = mutant_runner.in_order(cost, {"r.py::a[1]", "r.py::a[2]", "r.py::d"}, cost, {"o.py"})
     assert found == ["o.py::b", "o.py::c", "r.py::a[2]", "r.py::d", "r.py::a[1]"]
-    found = whole_tree.in_order(cost, set(), cost, {"r.py"})
+    found = mutant_runner.in_order(cost, set(), cost, {"r.py"})
     assert found == ["r.py::a[2]", "r.py::d", "r.py::a[1]", "o.py::b", "o.py::c"]
 
 
@@ -317,7 +319,7 @@ def test_the_order_is_one_case_of_each_then_the_room_then_what_it_costs() -> Non
 def test_a_test_that_imports_what_is_changed_is_known(text: str, does: bool, tmp_path: Path) -> None:
     path = tmp_path / "test_it.py"
     path.write_text(text, encoding="utf-8")
-    assert whole_tree.names(path, "itouch.loop.run_statistics") == does
+    assert mutant_runner.names(path, "itouch.loop.run_statistics") == does
 
 
 def test_results_keep_the_last_word_on_each(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
-from needed import need_program
+from requirements import need_program
 
 from itouch.arms import evdev, gamepad
 from itouch.arms.evdev import Description

@@ -15,7 +15,7 @@ import campaign
 import pytest
 from program import program as run
 from shipped import SCENES
-from strangers import install
+from third_party_plugins import install
 
 FIRST = str(SCENES / "first_touch.xml")
 

@@ -14,7 +14,7 @@ from typing import Any
 import campaign
 import pytest
 from shipped import SCENES
-from strangers import install
+from third_party_plugins import install
 
 from itouch.process_exit import LONGEST
 

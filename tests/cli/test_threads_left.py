@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from shipped import SCENES
-from strangers import install
+from third_party_plugins import install
 
 PLUGIN = """
 import threading, time

@@ -13,9 +13,9 @@ from types import ModuleType
 
 import campaign
 import pytest
-from needed import meant
 from numba import njit
 from numba.core import errors, event
+from requirements import meant
 
 KERNELS = """
 from itouch.compiling import kernel

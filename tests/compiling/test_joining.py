@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
-from needed import meant
 from numba.core.errors import TypingError
 from numpy.typing import NDArray
+from requirements import meant
 
 from itouch.compiling import kernel, part_of_its_caller
 from itouch.joining import _KINDS, Chain, can_join, runner

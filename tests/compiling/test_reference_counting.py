@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 import pytest
-from needed import meant
 from numba.core.runtime import _nrt_python, rtsys
+from requirements import meant
 
 from contact_heat.dot_product import scratch as contact_scratch
 from itouch.compiling import ALONE, kernel, linked, scratch

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from needed import need_program
+from requirements import need_program
 
 from itouch import shipped
 from itouch.servo import prepare

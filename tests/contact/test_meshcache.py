@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 from meshfiles import BOX, stl
-from needed import meant
 from probing import grid
+from requirements import meant
 
 from itouch import caches
 from itouch.contact import Proxy, bvh

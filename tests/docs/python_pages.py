@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import create_autospec
 
+import fake_psychopy
 import pytest
-import stands_for_psychopy
 from shipped import SCENES
 
 from itouch_tools.study import client
@@ -181,7 +181,7 @@ def led(folder: Path, patch: pytest.MonkeyPatch) -> Names:
     assert process.stdout is not None
     assert "is served" in process.stdout.readline()
 
-    for name, module in stands_for_psychopy.modules().items():
+    for name, module in fake_psychopy.modules().items():
         patch.setitem(sys.modules, name, module)
     patch.setitem(sys.modules, "itouch_client", client)  # the copy of the file that the page speaks of
 

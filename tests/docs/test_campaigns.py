@@ -10,7 +10,7 @@ import sys
 
 import pytest
 from listings import DOCS
-from needed import missing
+from requirements import missing
 
 sys.path.insert(0, str(DOCS))
 

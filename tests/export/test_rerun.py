@@ -15,8 +15,8 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
 from hypothesis import given
 from hypothesis import strategies as st
-from needed import need_package
 from program import program
+from requirements import need_package
 from shipped import SCENES
 
 import itouch

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from strangers import install
 from test_outside_surface import PLUGIN, SCENE
+from third_party_plugins import install
 
 import itouch
 from itouch.plugin.discovery import Catalog

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 from itouch.contact import Box, layout

@@ -16,9 +16,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import needed
 import numpy as np
 import pytest
+import requirements
 from shipped import SCENES
 
 from itouch.plugin import read_trace
@@ -35,7 +35,7 @@ MOTION = '<to pos="-11 0 44 mm" in="0.5 s" hold="{hold} s"/><to pos="-11 0 22 mm
 def scene(folder: Path, hold: float, touch: float) -> Path:
     """Write the scene at addresses of its own, with one touch of pyrex."""
     if lacking := missing():
-        needed.missing(f"the simulated chip needs {lacking}")
+        requirements.missing(f"the simulated chip needs {lacking}")
     text = (SCENES / "four_materials_diy.xml").read_text()
     begin, end = text.index("<motion>"), text.index("</motion>")
     (folder / "rigs").mkdir(parents=True)

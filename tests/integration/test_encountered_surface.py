@@ -21,7 +21,7 @@ sys.path.append(str(Path(__file__).parents[1] / "session"))
 
 from commanded import commanded, same
 from shipped import SCENES
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 from itouch.monitors.thresholds import DOUBT_GAP, DOUBT_GAP_UNCALIBRATED

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 from itouch_tools.cli.__main__ import main

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 SOURCE = Path(__file__).parents[1] / "outside" / "itouch-lever"
 

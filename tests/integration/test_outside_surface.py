@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shipped import SCENES
-from strangers import install
 from test_carried_by_a_modality import ASKED, EXAMPLE
 from test_outside_surface import PLUGIN, SCENE
+from third_party_plugins import install
 
 import itouch
 from itouch.testing import suites

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from needed import not_here
 from punctuality import skip_unless_punctual
+from requirements import not_here
 from shipped import SCENES
 
 from itouch.plugin import ItouchError, read_trace

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 from itouch.plugin import Bound

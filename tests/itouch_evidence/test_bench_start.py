@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from needed import meant
+from requirements import meant
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason=meant("there is no /proc"))

@@ -14,7 +14,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from needed import meant
+from requirements import meant
 
 from itouch_evidence.sweeps import backends, deaths, failures
 from itouch_evidence.sweeps.backends import Measured, Rate, plain, shown, steady

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from needed import meant
+from requirements import meant
 
 import itouch
 from itouch.joining import can_join

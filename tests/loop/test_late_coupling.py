@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 from itouch.loop.late_coupling import Late, allowed, ease

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from wired_touch import wired, wired_phases
+from exchange_phases import wired, wired_phases
 
 from itouch.faults import Kind
 from itouch.loop import DeviceFaultError

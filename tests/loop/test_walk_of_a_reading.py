@@ -58,7 +58,7 @@ class Entry:
         return Arm
 
 
-Session.GUARDIAN = "unwatched:watch"
+Session.GUARDIAN = "no_guardian:watch"
 catalog = Catalog(lambda group: {"lab": Found("lab", "t", "1", Entry())} if group == "itouch.devices" else {})
 session = itouch.build(sys.argv[1], catalog=catalog)
 session.enable()

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, FakeTwin, Supervised, model, record, state
+from small_devices import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, FakeTwin, Supervised, model, record, state
 
 from itouch.monitors import (
     Arm,

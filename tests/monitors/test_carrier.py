@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 import pytest
-from parts import ARM, LIMITS, PERIOD, TABLE, Asked
+from small_devices import ARM, LIMITS, PERIOD, TABLE, Asked
 
 from itouch.monitors import Arm, Surface, Trip, TripError
 from itouch.plugin import Channel, Role, pose_target

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from parts import LIMITS, PLATE, Asked
+from small_devices import LIMITS, PLATE, Asked
 
 from itouch.monitors import Heat, Trip, TripError, heat_kernels
 from itouch.monitors.runaway_kernels import Look

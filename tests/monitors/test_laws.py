@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from parts import LIMITS, PLATE, TABLE, Asked
+from small_devices import LIMITS, PLATE, TABLE, Asked
 
 from itouch.monitors import Heat, Surface, TripError
 from itouch.monitors.default_limits import DeviceLimits

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, Fake, FakeTwin, Supervised, model, state
+from small_devices import ARM, LIMITS, PERIOD, PLATE, TABLE, Asked, Fake, FakeTwin, Supervised, model, state
 
 from itouch.monitors import (
     Arm,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from parts import ARM, PLATE, TABLE, Asked
+from small_devices import ARM, PLATE, TABLE, Asked
 
 from itouch.monitors import Readings, Trip, TripError
 from itouch.plugin import (

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 from itouch.plugin import Device, Modality, Record, pose

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
 from hypothesis.extra import numpy as arrays
-from needed import meant
+from requirements import meant
 from shipped import SCENES
 
 import itouch

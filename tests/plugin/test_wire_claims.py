@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 import pytest
-from needed import meant
+from requirements import meant
 
 from itouch.plugin import wire_claims
 

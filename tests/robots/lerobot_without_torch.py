@@ -7,7 +7,7 @@ import sys
 import types
 from pathlib import Path
 
-from needed import missing
+from requirements import missing
 
 ROBOTS = Path(__file__).resolve().parents[2] / "plugins" / "robots"
 

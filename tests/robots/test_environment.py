@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lerobot_without_torch import found
-from needed import missing
+from requirements import missing
 
 pytestmark = pytest.mark.long
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from parts import ARM, PERIOD, TABLE, Fake, model, state
+from small_devices import ARM, PERIOD, TABLE, Fake, model, state
 
 from itouch.plugin import pose_target
 from itouch.safety import Gate, TrackedFinger, Trip

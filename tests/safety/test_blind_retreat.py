@@ -15,7 +15,7 @@ from typing import Any
 import campaign
 import pytest
 from numpy.typing import NDArray
-from parts import ARM, LIMITS, PERIOD, TABLE, Fake, Supervised, model, state
+from small_devices import ARM, LIMITS, PERIOD, TABLE, Fake, Supervised, model, state
 
 from itouch.monitors.default_limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record

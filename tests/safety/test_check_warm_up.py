@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import ClassVar
 
 import pytest
-from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, model, state
+from small_devices import ARM, PERIOD, PLATE, TABLE, Channels, Fake, model, state
 
 from itouch.plugin import Field, Moment, Monitor, Record, Rule, Watched
 from itouch.safety import Gate

@@ -9,7 +9,7 @@ from itertools import count
 from typing import ClassVar
 
 import pytest
-from parts import ARM, PERIOD, Fake, Supervised, lost, model, state
+from small_devices import ARM, PERIOD, Fake, Supervised, lost, model, state
 
 from itouch.plugin import DeviceError
 from itouch.plugin.wire_claims import WireClaims, WireHeldError

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
+from small_devices import ARM, LIMITS, PERIOD, PLATE, TABLE, FakeTwin, model, record, state
 
 from itouch.monitors import Heat, Readings, Surface, heat_kernels, history_kernels, own_monitors, surface_kernels
 from itouch.monitors.heat import History

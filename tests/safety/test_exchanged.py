@@ -7,9 +7,9 @@ from itertools import product
 
 import campaign
 import pytest
+from exchange_phases import Phases, wired, wired_phases
 from punctuality import skip_unless_punctual
 from shipped import SCENES
-from wired_touch import Phases, wired, wired_phases
 
 from itouch.faults import Kind
 from itouch_evidence.faults import KINDS, behind_wires

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, Supervised, model, state
+from small_devices import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, Supervised, model, state
 
 from itouch.monitors import DeviceFaultError, Trip
 from itouch.monitors.surface_kernels import FingerAbove

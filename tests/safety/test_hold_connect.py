@@ -7,7 +7,7 @@ import os
 import threading
 
 import pytest
-from parts import ARM, PERIOD, TABLE, Fake, Supervised, lost, model, state
+from small_devices import ARM, PERIOD, TABLE, Fake, Supervised, lost, model, state
 
 from itouch.exchange import EveryNth
 from itouch.plugin import Channel, DeviceError, Record, Role

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from parts import ARM, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, model, state
+from small_devices import ARM, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, model, state
 
 from itouch.compiling import kernel
 from itouch.joining import SKIP

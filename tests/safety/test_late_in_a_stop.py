@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from exchange_phases import Phases, wired, wired_phases
 from numpy.typing import NDArray
-from wired_touch import Phases, wired, wired_phases
 
 from itouch.exchange import EveryNth
 from itouch.faults import Kind

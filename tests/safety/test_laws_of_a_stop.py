@@ -8,8 +8,8 @@ from pathlib import Path
 
 import campaign
 import pytest
+from exchange_phases import Phases, wired, wired_phases
 from shipped import SCENES
-from wired_touch import Phases, wired, wired_phases
 
 from itouch.faults import Kind
 from itouch_evidence.faults import behind_wires, differing

@@ -6,7 +6,7 @@ import math
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from parts import PLATE, TABLE, Asked
+from small_devices import PLATE, TABLE, Asked
 
 from itouch.monitors import Heat, Surface, TripError
 

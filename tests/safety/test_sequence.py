@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, Supervised, model, state
+from small_devices import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, Supervised, model, state
 
 from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, Role, pose_target
 from itouch.plugin.stamps import Stamped

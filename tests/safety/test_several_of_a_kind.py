@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from parts import TABLE, Asked
+from small_devices import TABLE, Asked
 from test_irregular_timing import Exchanges
 from test_unknown_devices import Entry, Nothing, catalog, scene
 

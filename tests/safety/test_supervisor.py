@@ -10,7 +10,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from parts import ARM, LIMITS, PERIOD, PLATE, TABLE, Channels, Fake, FakeTwin, Slow, Supervised, lost, model, state
+from small_devices import (
+    ARM,
+    LIMITS,
+    PERIOD,
+    PLATE,
+    TABLE,
+    Channels,
+    Fake,
+    FakeTwin,
+    Slow,
+    Supervised,
+    lost,
+    model,
+    state,
+)
 
 from itouch.exchange import Exchanged
 from itouch.plugin import HOLD, Channel, DeviceError, Record
@@ -270,7 +284,7 @@ def test_a_twins_compiled_reading_that_fails_is_a_fault() -> None:
     ("error", "words"),
     [
         (DeviceError("the plug is out"), "failed: the plug is out"),
-        (OSError("gone"), "failed in write: OSError: gone (parts.py, line "),
+        (OSError("gone"), "failed in write: OSError: gone (small_devices.py, line "),
     ],
 )
 def test_a_device_that_fails_to_write_is_a_fault(error: Exception, words: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from parts import TABLE
+from small_devices import TABLE
 from test_finger import hand, press
 from test_several_of_a_kind import HELD, built
 from test_unknown_devices import Nothing, catalog

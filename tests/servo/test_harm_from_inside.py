@@ -18,7 +18,7 @@ from typing import Any
 import campaign
 import pytest
 from punctuality import skip_unless_punctual
-from strangers import install
+from third_party_plugins import install
 
 from itouch.platforms import lives
 

@@ -16,8 +16,8 @@ from typing import Any
 import campaign
 import pytest
 from punctuality import skip_unless_punctual
-from strangers import install
 from test_harm_from_inside import PLUGIN, SCENE
+from third_party_plugins import install
 
 import itouch
 from itouch.plugin import DeviceError

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from told_rig import ToldRig, status, until
+from scripted_rig import ScriptedRig, status, until
 
 import itouch
 from itouch.loop import Status
@@ -24,12 +24,12 @@ Launch = Callable[..., Handle]
 
 
 @pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ToldRig:
-    return ToldRig.of(tmp_path, monkeypatch)
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ScriptedRig:
+    return ScriptedRig.of(tmp_path, monkeypatch)
 
 
 @pytest.fixture
-def launch(rig: ToldRig) -> Iterator[Launch]:
+def launch(rig: ScriptedRig) -> Iterator[Launch]:
     """Return what launches a session whose pad is lost, or too hot, as soon as all is enabled."""
     handles: list[Handle] = []
 
@@ -53,7 +53,7 @@ def launch(rig: ToldRig) -> Iterator[Launch]:
             handle.__exit__(None, None, None)
 
 
-def test_others_go_on_while_an_optional_device_takes_long_to_open(rig: ToldRig, launch: Launch) -> None:
+def test_others_go_on_while_an_optional_device_takes_long_to_open(rig: ScriptedRig, launch: Launch) -> None:
     """The loop waited for it: after 120 ms the guardian killed the session, while the stick was enabled."""
     handle = launch(optional=True)
     rig.tell("opening", "1.0")
@@ -70,7 +70,7 @@ def test_others_go_on_while_an_optional_device_takes_long_to_open(rig: ToldRig, 
 
 
 def test_a_recording_in_which_a_device_was_reconnected_is_replayed_bit_for_bit(
-    rig: ToldRig, launch: Launch, capsys: pytest.CaptureFixture[str]
+    rig: ScriptedRig, launch: Launch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     handle = launch(optional=True)
     rig.tell("opening", "0.3")
@@ -82,7 +82,7 @@ def test_a_recording_in_which_a_device_was_reconnected_is_replayed_bit_for_bit(
     assert main(["replay", str(rig.folder / "r.mcap")]) == 0, capsys.readouterr()
 
 
-def test_a_session_that_is_stopped_lives_while_its_device_is_opened(rig: ToldRig, launch: Launch) -> None:
+def test_a_session_that_is_stopped_lives_while_its_device_is_opened(rig: ScriptedRig, launch: Launch) -> None:
     handle = launch(optional=False)
     rig.tell("opening", "1.0")
     rig.tell("closing", "0.3")
@@ -94,7 +94,7 @@ def test_a_session_that_is_stopped_lives_while_its_device_is_opened(rig: ToldRig
     assert not rig.made_safe
 
 
-def test_to_re_arm_waits_shortly_for_a_device_that_is_being_reconnected(rig: ToldRig, launch: Launch) -> None:
+def test_to_re_arm_waits_shortly_for_a_device_that_is_being_reconnected(rig: ScriptedRig, launch: Launch) -> None:
     handle = launch(optional=False)
     rig.tell("opening", "0.05")
     handle.command("reconnect", "pad")
@@ -103,7 +103,7 @@ def test_to_re_arm_waits_shortly_for_a_device_that_is_being_reconnected(rig: Tol
     assert handle.refused == []
 
 
-def test_what_is_asked_of_a_device_that_is_being_opened_is_answered(rig: ToldRig, launch: Launch) -> None:
+def test_what_is_asked_of_a_device_that_is_being_opened_is_answered(rig: ScriptedRig, launch: Launch) -> None:
     handle = launch(optional=False)
     rig.tell("opening", "2.0")
     rig.tell("gone")
@@ -117,7 +117,7 @@ def test_what_is_asked_of_a_device_that_is_being_opened_is_answered(rig: ToldRig
     ]
 
 
-def test_a_session_lives_while_re_arming_opens_what_a_trip_had_stopped(rig: ToldRig, launch: Launch) -> None:
+def test_a_session_lives_while_re_arming_opens_what_a_trip_had_stopped(rig: ScriptedRig, launch: Launch) -> None:
     """Only a lost connection is released by reconnecting: after a trip, to re-arm opens a device that was not there."""
     handle = launch(optional=False, why="hot")
     rig.tell("gone")
@@ -130,7 +130,7 @@ def test_a_session_lives_while_re_arming_opens_what_a_trip_had_stopped(rig: Told
     assert handle.refused == ["reconnect: device 'pad': there is nothing at its port"]
 
 
-def test_a_session_may_end_while_a_device_is_being_opened(rig: ToldRig, launch: Launch) -> None:
+def test_a_session_may_end_while_a_device_is_being_opened(rig: ScriptedRig, launch: Launch) -> None:
     """What is opened too late is closed again, and until then nobody else may use its wire."""
     handle = launch(optional=True)
     rig.tell("opening", "1.0")

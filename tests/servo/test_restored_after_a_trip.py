@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from told_rig import ToldRig, status, until
+from scripted_rig import ScriptedRig, status, until
 
 import itouch
 from itouch.loop import Status
@@ -20,9 +20,9 @@ Restore = Callable[[], Handle]
 
 
 @pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ToldRig:
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ScriptedRig:
     """Return a rig with a session that was saved after a trip."""
-    rig, saved = ToldRig.of(tmp_path, monkeypatch), tmp_path / "s.itouch"
+    rig, saved = ScriptedRig.of(tmp_path, monkeypatch), tmp_path / "s.itouch"
     handle = itouch.launch(rig.scene(moves=True), seconds=60.0, linger=True, enable=True, realtime=False)
     handle.__enter__()
     handle.command("pad.current", [-3.0])
@@ -38,7 +38,7 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ToldRig:
 
 
 @pytest.fixture
-def restore(rig: ToldRig) -> Iterator[Restore]:
+def restore(rig: ScriptedRig) -> Iterator[Restore]:
     """Return what launches the saved session in a new process; it rests as soon as that has found the trip."""
     handles: list[Handle] = []
 
@@ -59,7 +59,7 @@ def ended(handle: Handle) -> None:
         handle.__exit__(None, None, None)
 
 
-def rests(handle: Handle, rig: ToldRig) -> None:
+def rests(handle: Handle, rig: ScriptedRig) -> None:
     """Check that nothing is enabled, and nothing has been driven, for a while."""
     end = time.monotonic() + 0.5
     while time.monotonic() < end:
@@ -69,7 +69,7 @@ def rests(handle: Handle, rig: ToldRig) -> None:
 
 
 @pytest.mark.parametrize("opening", [0.0, 1.0])
-def test_nothing_is_enabled_until_it_is_re_armed(rig: ToldRig, restore: Restore, opening: float) -> None:
+def test_nothing_is_enabled_until_it_is_re_armed(rig: ScriptedRig, restore: Restore, opening: float) -> None:
     """Also if a device takes long to open: the guardian does not take the session for one that hangs."""
     rig.tell("opening", str(opening))
     handle = restore()
@@ -85,7 +85,7 @@ def test_nothing_is_enabled_until_it_is_re_armed(rig: ToldRig, restore: Restore,
     ("told", "words"),
     [("gone", "there is nothing at its port"), ("released", "nobody holds the dead-man's switch"), ("hot", "re-armed")],
 )
-def test_what_keeps_it_from_being_re_armed_is_told(rig: ToldRig, restore: Restore, told: str, words: str) -> None:
+def test_what_keeps_it_from_being_re_armed_is_told(rig: ScriptedRig, restore: Restore, told: str, words: str) -> None:
     """A plate that cannot be opened, or is still hot; a switch that nobody holds: when that is over, it is re-armed."""
     handle = restore()
     rig.tell(told)
@@ -98,7 +98,7 @@ def test_what_keeps_it_from_being_re_armed_is_told(rig: ToldRig, restore: Restor
     until(handle, lambda: status(handle, "pad") is status(handle, "stick") is Status.ENABLED)
 
 
-def test_to_stop_waits_for_no_device_that_re_arming_opens(rig: ToldRig, restore: Restore) -> None:
+def test_to_stop_waits_for_no_device_that_re_arming_opens(rig: ScriptedRig, restore: Restore) -> None:
     handle = restore()
     rig.tell("opening", "12")
     handle.command("rearm")

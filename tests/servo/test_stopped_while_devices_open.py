@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from told_rig import ToldRig, until
+from scripted_rig import ScriptedRig, until
 
 import itouch
 from itouch.servo import Handle
@@ -23,14 +23,14 @@ SOON = 8.0
 
 
 @pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ToldRig:
+def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ScriptedRig:
     """Return a rig whose pad opens when nothing makes it wait any more."""
-    rig = ToldRig.of(tmp_path, monkeypatch)
+    rig = ScriptedRig.of(tmp_path, monkeypatch)
     rig.tell("waits")
     return rig
 
 
-def both_begun(rig: ToldRig) -> bool:
+def both_begun(rig: ScriptedRig) -> bool:
     return "opens" in rig.log("pad") and "opened" in rig.log("stick")
 
 
@@ -42,7 +42,7 @@ def wait_until(true: Callable[[], bool], seconds: float = 60.0) -> None:
 
 
 @pytest.fixture
-def handle(rig: ToldRig) -> Iterator[Handle]:
+def handle(rig: ScriptedRig) -> Iterator[Handle]:
     """A session whose pad is being opened, since it was enabled."""
     with itouch.launch(rig.scene(moves=True), seconds=60.0, realtime=False) as found:
         found.command("enable")
@@ -51,7 +51,7 @@ def handle(rig: ToldRig) -> Iterator[Handle]:
 
 
 @pytest.mark.parametrize("how", ["stop", "SIGTERM"])
-def test_to_stop_waits_for_no_device_to_open(rig: ToldRig, handle: Handle, how: str) -> None:
+def test_to_stop_waits_for_no_device_to_open(rig: ScriptedRig, handle: Handle, how: str) -> None:
     begin = time.monotonic()
     if how == "SIGTERM":
         os.kill(handle.pid, signal.SIGTERM)
@@ -64,7 +64,7 @@ def test_to_stop_waits_for_no_device_to_open(rig: ToldRig, handle: Handle, how: 
     assert rig.log("stick") == ["opened", "closed"]
 
 
-def test_what_opens_after_the_stop_is_closed(rig: ToldRig, handle: Handle) -> None:
+def test_what_opens_after_the_stop_is_closed(rig: ScriptedRig, handle: Handle) -> None:
     handle.request_stop()
     wait_until(lambda: "closed" in rig.log("stick"), 2.0)
     rig.undo("waits")
@@ -74,7 +74,7 @@ def test_what_opens_after_the_stop_is_closed(rig: ToldRig, handle: Handle) -> No
 
 @pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_command_line_at_once(rig: ToldRig, number: int, moves: bool) -> None:
+def test_a_signal_ends_the_command_line_at_once(rig: ScriptedRig, number: int, moves: bool) -> None:
     """What opening does not move is opened before anybody is asked to hold a switch."""
     scene = rig.scene(moves=moves)
     command = [sys.executable, "-m", "itouch", str(scene), "--for", "60s", "--headless", "--no-record"]
@@ -89,7 +89,7 @@ def test_a_signal_ends_the_command_line_at_once(rig: ToldRig, number: int, moves
     assert rig.log("stick") == ["opened", "closed"]
 
 
-def test_ctrl_c_in_a_script_closes_what_was_opened(rig: ToldRig) -> None:
+def test_ctrl_c_in_a_script_closes_what_was_opened(rig: ScriptedRig) -> None:
     """Without a ``with``: nobody closes the engine after that."""
     engine = itouch.build(rig.scene())
 

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator
 
 import pytest
-from needed import meant
+from requirements import meant
 
 from itouch.platforms import lives
 from itouch.plugin import TwinInputs

@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
-from strangers import install
 from test_harm_from_inside import PLUGIN, SCENE
+from third_party_plugins import install
 
 import itouch
 from itouch.servo.launcher_pipe import Outbox, messages

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 import itouch
 from itouch.servo import ServoError, attach, sessions

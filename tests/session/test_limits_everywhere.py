@@ -16,7 +16,7 @@ from typing import Any
 
 import campaign
 import pytest
-from needed import not_here
+from requirements import not_here
 from shipped import SCENES
 from test_limits_stored import edited
 

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from needed import not_here
+from requirements import not_here
 from shipped import SCENES
 
 import itouch

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from exchange_phases import wired, wired_phases
 from shipped import SCENES
-from wired_touch import wired, wired_phases
 
 import itouch
 from itouch.faults import Kind

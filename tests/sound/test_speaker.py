@@ -12,7 +12,7 @@ import types
 
 import numpy as np
 import pytest
-from needed import need_program
+from requirements import need_program
 
 import itouch
 from itouch_tools.sound import output

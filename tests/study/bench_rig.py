@@ -12,7 +12,7 @@ import mmap
 import struct
 from pathlib import Path
 
-import strangers
+import third_party_plugins
 
 MODULE = '''
 import json, mmap, os, struct, time
@@ -222,7 +222,7 @@ def install(folder: Path) -> Path:
         "bench-plate = study_bench:Plate\nbench-thermometer = study_bench:Thermometer\nbench-lamp = study_bench:Lamp\n"
         "[itouch.modalities]\nbench.cool = study_bench:Cool\n"
     )
-    site = strangers.install(folder / "site", "bench", listed, module="study_bench", code=MODULE)
+    site = third_party_plugins.install(folder / "site", "bench", listed, module="study_bench", code=MODULE)
     (folder / "scene.xml").write_text(SCENE)
     (folder / "study.xml").write_text(STUDY)
     (folder / "no-Lamp").write_text("")

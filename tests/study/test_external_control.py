@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from needed import meant
+from requirements import meant
 from run_scene import write_study
 
 from itouch_tools.study import client

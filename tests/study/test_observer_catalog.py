@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shipped import SCENES
-from strangers import install
+from third_party_plugins import install
 
 from itouch_tools.cli import main
 from itouch_tools.study import simulate as simulation

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from run_scene import write_study
 from shipped import SCENES
-from strangers import install
+from third_party_plugins import install
 
 from itouch.plugin.discovery import Catalog
 from itouch_tools.cli import main

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import strangers
+import third_party_plugins
 from run_scene import write_study
 from shipped import SCENES
 
@@ -146,7 +146,7 @@ class Keeps(Modality):
 def switcher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SceneSwitcher]:
     """The scene switcher of a study of which each condition has other fields of State."""
     listed = "[itouch.modalities]\nkeeper.keeps = keeper:Keeps\n"
-    monkeypatch.syspath_prepend(str(strangers.install(tmp_path / "site", "keeper", listed, code=KEEPS)))
+    monkeypatch.syspath_prepend(str(third_party_plugins.install(tmp_path / "site", "keeper", listed, code=KEEPS)))
     path = write_study(tmp_path)
     scene = tmp_path / "scene.xml"
     scene.write_text(

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import bad_guests
 import bad_meanings
 import bad_states
+import misbehaving_plugins
 import pytest
 from bad import BAD, Blocks
 from shipped import SCENES
@@ -62,7 +62,7 @@ class TestSliderOnItsEmulator(EmulatorTests):
 def test_there_are_enough_bad_plugins():
     assert len(BAD) >= 100
     assert len(set(BAD.values())) >= 35
-    assert {cls.__module__ for cls in BAD} >= {bad_guests.__name__, bad_states.__name__, bad_meanings.__name__}
+    assert {cls.__module__ for cls in BAD} >= {misbehaving_plugins.__name__, bad_states.__name__, bad_meanings.__name__}
 
 
 @pytest.mark.parametrize(("cls", "check"), BAD.items(), ids=[cls.__name__ for cls in BAD])

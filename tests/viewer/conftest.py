@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Iterator
 
 import pytest
-from needed import need_program
+from requirements import need_program
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 
-from needed import missing
+from requirements import missing
 
 _PROBE = "from itouch_tools.viewer.offscreen import open_context; open_context(64, 64).close()"
 

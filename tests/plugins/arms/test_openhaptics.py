@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from fake_hd import FakeHd
-from needed import need_program
+from requirements import need_program
 
 from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
 from itouch.testing import DeviceTests

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import needed
 import pytest
+import requirements
 
 from itouch_thermal.chip.display import SimulatedDisplay
 from itouch_thermal.chip.host import SimulatedHost
@@ -18,7 +18,7 @@ Start = Callable[..., SimulatedHost]
 @pytest.fixture(scope="session")
 def program() -> Built:
     if lacking := missing():
-        needed.missing(f"the simulated chip needs {lacking}")
+        requirements.missing(f"the simulated chip needs {lacking}")
     return built()
 
 

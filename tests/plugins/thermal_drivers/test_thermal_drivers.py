@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from needed import not_here
+from requirements import not_here
 
 from itouch.plugin import DeviceError, Field, Record, Terminal, Trace, TwinInputs
 from itouch_thermal import ThermalDisplay

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 import usb.core
-from needed import need_program
+from requirements import need_program
 
 from itouch_usb_arm import Disconnected, Falcon, FalconError, NotFound, boot
 from itouch_usb_arm.arm import UsbArm, UsbArmParams

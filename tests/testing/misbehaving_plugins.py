@@ -1,4 +1,4 @@
-"""Plugins that behave badly towards the process that they are guests in, by the check that must find it."""
+"""Plugins that misbehave towards the process in which they run, by the check that must find it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plugins of strangers, laid out as pip lays them out."""
+"""Plugins of third parties, laid out as pip lays them out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands for PsychoPy where its listing is run: no window, a key at once; the names are those of PsychoPy 2026.2."""
+"""A fake of PsychoPy where its listing is run: no window, a key at once; the names are those of PsychoPy 2026.2."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from strangers import install
+from third_party_plugins import install
 
 from itouch.loop import Status
 from itouch.servo import Handle
@@ -90,29 +90,29 @@ class MovingPad(Pad):
 """
 _SCENE = """<itouch version="1.0">
   <devices>
-    <device name="stick" plugin="told-stick" twin="no"/>
+    <device name="stick" plugin="scripted-stick" twin="no"/>
     <device name="pad" plugin="{pad}" twin="no" optional="{optional}"/>
   </devices>
   <interaction><probe name="tip" radius="0" pose-from="stick" force-to="stick"/></interaction>
 </itouch>
 """
 _ENTRY_POINTS = """[itouch.devices]
-told-stick = told_rig_plugin:Stick
-told-pad = told_rig_plugin:Pad
-told-moving-pad = told_rig_plugin:MovingPad
+scripted-stick = scripted_rig_plugin:Stick
+scripted-pad = scripted_rig_plugin:Pad
+scripted-moving-pad = scripted_rig_plugin:MovingPad
 """
 
 
 @dataclass(frozen=True, slots=True)
-class ToldRig:
+class ScriptedRig:
     """The folder by which the devices are told what to do."""
 
     folder: Path
 
     @classmethod
-    def of(cls, folder: Path, monkeypatch: pytest.MonkeyPatch) -> ToldRig:
+    def of(cls, folder: Path, monkeypatch: pytest.MonkeyPatch) -> ScriptedRig:
         """Put the plugin into a folder where every process finds it, during a test."""
-        install(folder, "told_rig_plugin", _ENTRY_POINTS, code=_PLUGIN)
+        install(folder, "scripted_rig_plugin", _ENTRY_POINTS, code=_PLUGIN)
         monkeypatch.syspath_prepend(str(folder))
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", ""))))
         monkeypatch.setenv("TOLD_RIG", str(folder))
@@ -121,7 +121,7 @@ class ToldRig:
     def scene(self, *, moves: bool = False, optional: bool = False) -> Path:
         """Write the scene; ``moves``: the pad moves when it is opened."""
         path = self.folder / "scene.xml"
-        pad = "told-moving-pad" if moves else "told-pad"
+        pad = "scripted-moving-pad" if moves else "scripted-pad"
         path.write_text(_SCENE.format(pad=pad, optional=str(optional).lower()), encoding="utf-8")
         return path
 

@@ -1,5 +1,0 @@
-"""Stands for the guardian of a session in its caller's process: most tests' devices are known to no other process."""
-
-
-def watch(session: object) -> None:
-    """Start none."""
