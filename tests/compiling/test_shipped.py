@@ -194,7 +194,7 @@ def test_who_has_to_compile_is_told_why_what_came_with_the_program_is_not_used(
     brought: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     companion = prepare._Companion([])
-    monkeypatch.setattr(prepare, "_processors", lambda: 1)  # nobody is there to help
+    monkeypatch.setattr(prepare, "cores", lambda: 1)  # nobody is there to help
     companion._start()
     assert "came with the program" not in capsys.readouterr().err, "they fit: a plugin's own kernel is compiled"
     content = json.loads(brought.read_text(encoding="utf-8"))

@@ -27,7 +27,7 @@ from itouch_thermal.chip.program import missing
 from itouch_tools.cli import lockstep
 from itouch_tools.cli.lockstep import Lockstep
 
-from test_wire_rig import free_port  # isort: skip
+from free_ports import free_port  # isort: skip
 
 MOTION = '<to pos="-11 0 44 mm" in="0.5 s" hold="{hold} s"/><to pos="-11 0 22 mm" in="0.6 s" hold="{touch} s"/>'
 

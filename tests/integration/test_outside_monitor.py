@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from test_outside_plugin import run
+from third_party_plugins import pip_install
 
 SOURCE = Path(__file__).parents[1] / "outside" / "itouch-electrotactile"
 SCENE = '<itouch version="1.0"><devices><device name="tip" plugin="electrotactile" twin="TWIN"/></devices></itouch>\n'
@@ -15,12 +14,7 @@ SCENE = '<itouch version="1.0"><devices><device name="tip" plugin="electrotactil
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index",
-               "--disable-pip-version-check", "--target", str(folder), str(SOURCE)]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return folder
+    return pip_install(tmp_path_factory.mktemp("site"), SOURCE)
 
 
 RUN = """

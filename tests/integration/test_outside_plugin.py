@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from third_party_plugins import install
+from third_party_plugins import install, pip_install
 
 SOURCE = Path(__file__).parents[1] / "outside" / "itouch-lever"
 
@@ -24,12 +24,7 @@ SCENE = """<itouch version="1.0" xmlns:lever="urn:itouch:plugin:lever">
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install the outside plugin into a folder."""
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index",
-               "--disable-pip-version-check", "--target", str(folder), str(SOURCE)]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return folder
+    return pip_install(tmp_path_factory.mktemp("site"), SOURCE)
 
 
 def run(site: Path, *words: str) -> subprocess.CompletedProcess[str]:

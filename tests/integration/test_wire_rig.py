@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from free_ports import free_port
 from punctuality import skip_unless_punctual
 from requirements import not_here
 from shipped import SCENES
@@ -23,11 +23,6 @@ from itouch.session import build, load_scene
 from itouch_tools.cli.lockstep import Lockstep
 from itouch_tools.cli.served_twins import placed
 from itouch_tools.cli.virtual_rig import main as virtual_rig
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return int(listener.getsockname()[1])
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from finishing import finish
 from lxml import etree
+from third_party_plugins import pip_install
 
 from itouch.plugin import DeviceError, Terminal
 from itouch.schema import ItouchError
@@ -38,11 +39,6 @@ def run_tests_of(home: Path, site: Path | None, *words: str) -> subprocess.Compl
                           capture_output=True, text=True, env=os.environ | {"PYTHONPATH": path}, timeout=600)  # fmt: skip
 
 
-def install(home: Path, site: Path) -> None:
-    subprocess.run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index",
-                    "--disable-pip-version-check", "--target", str(site), str(home)], check=True)  # fmt: skip
-
-
 @pytest.mark.parametrize(("kind", "transport"), COMBINATIONS)
 def test_a_scaffold_says_what_is_next_and_passes_when_finished(kind, transport, tmp_path):
     make_plugin("test-lever", kind=kind, transport=transport, folder=str(tmp_path))
@@ -52,7 +48,7 @@ def test_a_scaffold_says_what_is_next_and_passes_when_finished(kind, transport, 
     assert "next is step 1:" in first.stdout
     steps = finish(home, "itouch_test_lever")
     assert steps >= 3
-    install(home, site)
+    pip_install(site, home)
     done = run_tests_of(home, site)
     assert done.returncode == 0, done.stdout[-3000:]
     assert done.stdout.splitlines()[-1].count("failed") == 0

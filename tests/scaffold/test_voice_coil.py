@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import xmlschema
 from lxml import etree
+from third_party_plugins import pip_install
 
 COIL = Path(__file__).parents[1] / "outside" / "itouch-voice-coil"
 SCENE = COIL / "scenes" / "voice-coil.xml"
@@ -22,9 +23,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install the distribution into a folder."""
     source, folder = tmp_path_factory.mktemp("source") / "coil", tmp_path_factory.mktemp("site")
     shutil.copytree(COIL, source)
-    subprocess.run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index",
-                    "--disable-pip-version-check", "--target", str(folder), str(source)], check=True)  # fmt: skip
-    return folder
+    return pip_install(folder, source)
 
 
 def run(site: Path, folder: Path, *words: str) -> str:

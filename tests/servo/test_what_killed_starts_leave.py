@@ -39,7 +39,7 @@ def test_the_folder_of_a_start_is_removed_once_that_is_killed(tmp_path: Path, mo
     (tmp_path / "tmp").mkdir()
     script = (
         "import os\nimport itouch.compiling\nfrom itouch.servo import prepare\n"
-        "prepare._processors = lambda: 2\nprepare.subprocess.Popen = lambda *_, **__: None\n"
+        "prepare.cores = lambda: 2\nprepare.subprocess.Popen = lambda *_, **__: None\n"
         "companion = prepare._Companion([])\ncompanion._start()\nprint(companion._folder, flush=True)\n"
         "os.kill(os.getpid(), 9)\n"
     )
@@ -64,7 +64,7 @@ def test_a_start_that_gets_no_help_compiles_alone(
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(f"itouch.servo.prepare.{what}", refused)
-    monkeypatch.setattr(prepare, "_processors", lambda: 2)
+    monkeypatch.setattr(prepare, "cores", lambda: 2)
     monkeypatch.setattr(prepare, "_COMPANIONS", 1)
     with prepare._Companion([]) as companion:
         companion._start()

@@ -10,6 +10,7 @@ from itouch.loop.probe_rig import ProbeRig
 from itouch.monitors.surface_kernels import FingerAbove, rise
 from itouch.plugin import Role
 from itouch.safety import Finger
+from itouch.world.rig import carriers_of
 
 
 def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator[tuple[Finger, list[Runner]]]:
@@ -20,7 +21,8 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
     """
     trackers = list(dict.fromkeys(rig.tracker.model.name for rig in rigs))
     named = {one.model.name for rig in rigs for one in (rig.arm, rig.table) if one is not None}
-    chains = {name: {*_carriers(runners, name)} for name in runners}
+    devices = {name: runner.model for name, runner in runners.items()}
+    chains = {name: {*carriers_of(devices, device)} for name, device in devices.items()}
     somewhere = {*trackers, *named}
     acting = {name: one for name, one in runners.items() if one.gate.heats or one.gate.presses}
     pushing = {name: one for name, one in runners.items() if one.model.command(Role.FORCE_ON_OPERATOR) is not None}
@@ -35,12 +37,6 @@ def fingers(runners: Mapping[str, Runner], rigs: Sequence[ProbeRig]) -> Iterator
         yield from _finger(mine[0].probe.name, [*found, *free], nearing)
     if not trackers:
         yield from _finger("", free, {})
-
-
-def _carriers(runners: Mapping[str, Runner], name: str) -> Iterator[str]:
-    """Yield the device that carries this one, the device that carries that, and so on."""
-    while name := runners[name].model.carrier:
-        yield name
 
 
 def join_fingers(rigs: Sequence[ProbeRig]) -> None:

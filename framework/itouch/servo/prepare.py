@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from itouch import shipped
-from itouch.platforms import lives
+from itouch.platforms import cores, lives
 from itouch.schema.terminal import VERBOSITY
 from itouch.schema.wait_notices import waiting
 
@@ -68,7 +68,7 @@ class _Companion:
                 print(f"preparing: {why}", file=sys.stderr, flush=True)
             print("preparing: compiling the kernels that this needs for the first time, later starts load them ...",
                   file=sys.stderr, flush=True)  # fmt: skip
-        count = min(_processors() - 1, _COMPANIONS)
+        count = min(cores() - 1, _COMPANIONS)
         if count < 1:
             return
         with contextlib.suppress(OSError):  # no room for a folder, or no more processes: this one compiles all
@@ -147,11 +147,6 @@ def _compiled() -> int:
     """Return how many kernels this process has had to compile so far."""
     compiling = sys.modules.get("itouch.compiling")
     return compiling.KernelCache.missed if compiling is not None else 0
-
-
-def _processors() -> int:
-    """Return the number of processors on which this process may run."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def prepare(scene: str, *, seed: int, twin: str | None, rig: str | None, opens: bool = True) -> Session:

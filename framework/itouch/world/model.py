@@ -30,7 +30,7 @@ from itouch.world.overlap import overlaps
 from itouch.world.presented_surfaces import face_of, surfaces_of
 from itouch.world.recorded_motion import RecordedMotion, recorded_motion
 from itouch.world.replaced_limits import differences, fitted
-from itouch.world.rig import DeviceModel, build_devices, orientation
+from itouch.world.rig import DeviceModel, build_devices, carriers_of, orientation
 from itouch.world.scene_files import SceneFile, SceneFiles
 from itouch.world.skin_source import waits_without_skin_reading
 from itouch.world.surfaces import build_effects, build_friction, check_effects, contact_of, read_textures
@@ -297,15 +297,8 @@ def worn_on(scene: Scene, devices: Mapping[str, DeviceModel], tracker: str) -> t
     """Return the twins that are mounted on a finger's tracker, without those that a probe follows or acts by."""
     named = {name for one in scene.probes for name in (one.pose_from, one.force_to, one.surface_to)}
     return tuple(
-        one for name, one in devices.items() if one.twin and name not in named and tracker in _carriers(devices, one)
+        one for name, one in devices.items() if one.twin and name not in named and tracker in carriers_of(devices, one)
     )
-
-
-def _carriers(devices: Mapping[str, DeviceModel], device: DeviceModel) -> Iterator[str]:
-    """Yield the device that carries this one, the device that carries that, and so on."""
-    while device.carrier and device.carrier in devices:
-        yield device.carrier
-        device = devices[device.carrier]
 
 
 def _worn_notices(scene: Scene, devices: Mapping[str, DeviceModel]) -> Iterator[str]:

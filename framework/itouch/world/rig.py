@@ -281,6 +281,13 @@ def _build(
     return model
 
 
+def carriers_of(devices: Mapping[str, DeviceModel], device: DeviceModel) -> Iterator[str]:
+    """Yield the device that carries this one, the device that carries that, and so on."""
+    while device.carrier and device.carrier in devices:
+        yield device.carrier
+        device = devices[device.carrier]
+
+
 def skins_of(scene: Scene) -> dict[str, float | None]:
     """Return the skin temperature [K] of each probe's finger: that of its operator; None: that finger has none.
 

@@ -14,7 +14,7 @@ from itouch.plugin import Role
 from itouch.scene.elements import Operator, Probe
 from itouch.schema import Problem
 from itouch.schema.hold_until import SKIN, WORD, Until
-from itouch.world.rig import DeviceModel
+from itouch.world.rig import DeviceModel, carriers_of
 
 #: For the recovery of skin: averaging time [s] of the baseline at the session's start, averaging time [s] of the skin
 #: now, and longest wait for it [s].
@@ -123,7 +123,7 @@ def devices_at(probe: Finger, probes: Sequence[Finger], devices: Mapping[str, De
     """Return the devices at a probe's finger: its plate, those on its devices, then those at no other finger."""
     mine = {name for one in probes if _same(one, probe) for name in _bound(one)}
     others = {name for one in probes if not _same(one, probe) for name in _bound(one)} - mine
-    carriers = {name: {name, *_carriers(devices, device)} for name, device in devices.items()}
+    carriers = {name: {name, *carriers_of(devices, device)} for name, device in devices.items()}
     on_it = [name for name in devices if carriers[name] & mine]
     free = [name for name in devices if not carriers[name] & (mine | others)]
     listed = [name for name in (probe.face, *on_it, *free) if name in devices]
@@ -133,12 +133,6 @@ def devices_at(probe: Finger, probes: Sequence[Finger], devices: Mapping[str, De
 def _bound(probe: Finger) -> tuple[str, ...]:
     named = (probe.scene.pose_from, probe.scene.force_to, probe.scene.surface_to, probe.face)
     return tuple(name for name in named if name)
-
-
-def _carriers(devices: Mapping[str, DeviceModel], device: DeviceModel) -> Iterator[str]:
-    while device.carrier and device.carrier in devices:
-        yield device.carrier
-        device = devices[device.carrier]
 
 
 def window_ticks(period: float) -> tuple[int, int, int]:

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from channel_records import records
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from virtual_service import ServedService
 
-from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
+from itouch.plugin import DeviceError, Trace, read_trace
 from itouch.testing import DeviceTests, EmulatorTests
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
 from itouch_arms.haply import Haply, HaplyParams, Inverse3, messages
@@ -446,8 +447,3 @@ def test_an_end_of_the_connection_after_answers_is_told_when_they_are_used_up() 
                 arm.read()
         server.shutdown()
         thread.join()
-
-
-def records(arm: Haply) -> tuple[Record, Record]:
-    reads, commands = arm.channels(arm.params)
-    return tuple(Record.of(Field.of(c) for c in side) for side in (reads, commands))  # type: ignore[return-value]

@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from channel_records import records
 from fake_hd import FakeHd
 from requirements import need_program
 
-from itouch.plugin import DeviceError, Field, Record, Trace, read_trace
+from itouch.plugin import DeviceError, Trace, read_trace
 from itouch.testing import DeviceTests
 from itouch_arms.errors import ArmError, Disconnected, NotCalibrated, NotFound, ProtocolError, Refused, Timeout
 from itouch_arms.openhaptics import OpenHaptics, OpenHapticsParams, Phantom, api, phantom
@@ -42,11 +43,6 @@ class TestOpenHaptics(DeviceTests):
         hd.buttons = 1
         yield
         assert hd.force == NO_FORCE and not hd.open
-
-
-def records(arm: OpenHaptics) -> tuple[Record, Record]:
-    reads, commands = arm.channels(arm.params)
-    return tuple(Record.of(Field.of(c) for c in side) for side in (reads, commands))  # type: ignore[return-value]
 
 
 def until(true: Callable[[], bool]) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from free_ports import free_port
 from hypothesis import given
 from hypothesis import strategies as st
 from requirements import not_here
@@ -431,11 +432,6 @@ def params(terminal_name: str, port: int) -> DisplayParams:
         mecom=Mecom(port=terminal_name),
         labjack=LabJack(host=f"127.0.0.1:{port}", flux_sensor=SENSOR, infrared=Infrared()),
     )
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return int(listener.getsockname()[1])
 
 
 def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:

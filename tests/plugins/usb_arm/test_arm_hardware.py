@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from channel_records import records
 from trace_playback import PlayedFalcon
 
-from itouch.plugin import Attached, DeviceError, Field, Record, Trace, read_trace
+from itouch.plugin import Attached, DeviceError, Trace, read_trace
 from itouch_usb_arm import Buttons, Disconnected, Falcon, HomingTimeout, NotHomed, UsbArm, UsbArmParams, boot
 from itouch_usb_arm.arm import look
 from itouch_usb_arm.link import Remote
@@ -19,11 +20,6 @@ from itouch_usb_arm.virtual import VirtualBackend, VirtualFalcon, VirtualTime
 
 IMAGE = boot.build([boot.Block(0x3F8000, (1, 2, 3)), boot.Block(0x3F8010, tuple(range(40)))], entry=0x3F8002)
 GOLDEN = Path(__file__).parent / "falcon.trace"
-
-
-def records(arm: UsbArm) -> tuple[Record, Record]:
-    reads, commands = arm.channels(arm.params)
-    return tuple(Record.of(Field.of(c) for c in side) for side in (reads, commands))  # type: ignore[return-value]
 
 
 def rigged(tmp_path: Path, **params: Any) -> tuple[UsbArm, VirtualFalcon, VirtualTime]:

@@ -9,10 +9,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import can
+import channel_records
 import pytest
 from test_odrive import Bench
 
-from itouch.plugin import Field, Record
+from itouch.plugin import Record
 from itouch_xyz_table import XyzTable, XyzTableParams, canframes, odrive
 from itouch_xyz_table.servos import ServoError
 from itouch_xyz_table.virtual_odrive import VirtualOdrive
@@ -83,9 +84,7 @@ def quiet() -> Iterator[Bench]:
 
 
 def records() -> tuple[Record, Record]:
-    reads, commands = XyzTable.channels(XyzTableParams())
-    reading, command = (Record.of(Field.of(channel) for channel in side) for side in (reads, commands))
-    return reading, command
+    return channel_records.records(XyzTable, XyzTableParams())
 
 
 def test_a_bus_that_is_full_of_others_frames_holds_up_nothing(quiet: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,11 +11,12 @@ import time
 from collections.abc import Iterator
 from random import Random
 
+import channel_records
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import DeviceError, Field, Record, Terminal, Trace
+from itouch.plugin import DeviceError, Record, Terminal, Trace
 from itouch_xyz_table import XyzTable, XyzTableParams
 from itouch_xyz_table.faults import fault_name
 from itouch_xyz_table.multiplex import Read, Write, decode, reply
@@ -93,8 +94,7 @@ def table(bench: Bench, *, patience: float = 12.0, **changed: object) -> XyzTabl
 
 
 def records() -> tuple[Record, Record]:
-    reads, commands = XyzTable.channels(XyzTableParams())
-    return Record.of(Field.of(c) for c in reads), Record.of(Field.of(c) for c in commands)
+    return channel_records.records(XyzTable, XyzTableParams())
 
 
 def go(device: XyzTable, place: tuple[float, float, float], seconds: float, *, arrive: bool = True) -> Record:

@@ -12,11 +12,13 @@ from random import Random
 from typing import Any
 
 import can
+import channel_records
 import pytest
+from delayed_line import delayed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import DeviceError, Field, Record, Terminal, Trace
+from itouch.plugin import DeviceError, Record, Terminal, Trace
 from itouch_xyz_table import XyzTable, XyzTableParams, canframes
 from itouch_xyz_table.emulator import TableEmulator
 from itouch_xyz_table.odrive import Odrives
@@ -127,8 +129,7 @@ def quiet() -> Iterator[Bench]:
 
 
 def records() -> tuple[Record, Record]:
-    reads, commands = XyzTable.channels(XyzTableParams(travel=TRAVEL))
-    return Record.of(Field.of(c) for c in reads), Record.of(Field.of(c) for c in commands)
+    return channel_records.records(XyzTable, XyzTableParams(travel=TRAVEL))
 
 
 def test_it_goes_where_it_is_told_and_feels_force(bench: Bench) -> None:
@@ -321,18 +322,7 @@ def test_limits_and_modes_that_got_lost_are_told_again(quiet: Bench) -> None:
 @pytest.mark.parametrize("late", [10e-3, 30e-3])
 def test_late_answers_are_lived_through(late: float) -> None:
     made = Bench("slcan")
-    waiting: list[tuple[float, bytes]] = []
-
-    def hold(data: bytes) -> bytes:
-        now = time.monotonic()
-        if data:
-            waiting.append((now + late, data))
-        out = b""
-        while waiting and waiting[0][0] <= now:
-            out += waiting.pop(0)[1]
-        return out
-
-    made.noise = hold
+    made.noise = delayed(late)
     try:
         device = made.table()
         device.open()

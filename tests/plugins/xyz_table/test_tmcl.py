@@ -12,11 +12,13 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import channel_records
 import pytest
+from delayed_line import delayed
 from hypothesis import given
 from hypothesis import strategies as st
 
-from itouch.plugin import DeviceError, Field, Record, Role, Terminal, Trace
+from itouch.plugin import DeviceError, Record, Role, Terminal, Trace
 from itouch_tools.cli import main as cli
 from itouch_tools.cli.lockstep import Lockstep
 from itouch_xyz_table import XyzTable, XyzTableParams
@@ -98,8 +100,7 @@ def bench() -> Iterator[Bench]:
 
 
 def records() -> tuple[Record, Record]:
-    reads, commands = XyzTable.channels(XyzTableParams(travel=TRAVEL, tmcl="/dev/null"))
-    return Record.of(Field.of(c) for c in reads), Record.of(Field.of(c) for c in commands)
+    return channel_records.records(XyzTable, XyzTableParams(travel=TRAVEL, tmcl="/dev/null"))
 
 
 def arrive(bench: Bench, device: XyzTable, goal: list[float]) -> Record:
@@ -356,18 +357,7 @@ def test_a_port_that_vanishes_while_the_table_is_led_is_named(bench: Bench) -> N
 
 @pytest.mark.parametrize("late", [10e-3, 30e-3])
 def test_late_answers_are_lived_through(bench: Bench, late: float) -> None:
-    waiting: list[tuple[float, bytes]] = []
-
-    def hold(data: bytes) -> bytes:
-        now = time.monotonic()
-        if data:
-            waiting.append((now + late, data))
-        out = b""
-        while waiting and waiting[0][0] <= now:
-            out += waiting.pop(0)[1]
-        return out
-
-    bench.hold = hold
+    bench.hold = delayed(late)
     device = bench.table()
     device.open()
     reading = arrive(bench, device, [place + 1e-4 for place in bench.truth()])
