@@ -231,17 +231,8 @@ def _build(
         reads, commands = class_queries.channels_of(cls, params)
     with failing(f"device '{element.name}'", "its declarations", place):
         class_queries.check_numbers(cls, params)
-    for channel in (*reads, *commands):
-        if SIZES.get(channel.role, channel.size) != channel.size:
-            sentence = (
-                f"device '{element.name}': plugin '{element.plugin}' has a channel '{channel.name}' of {channel.size} "
-                f"numbers; a {channel.role.value} has {SIZES[channel.role]}"
-            )
-            problems.append(Problem("plugin-failed", sentence, place, "report it to the plugin's author"))
-            return None
-    if clash := _clash(reads, commands):
-        sentence = f"device '{element.name}': plugin '{element.plugin}' {clash}"
-        problems.append(Problem("plugin-failed", sentence, place, "its author must rename that channel"))
+    if wrong := _wrong_channel(element, reads, commands, place):
+        problems.append(wrong)
         return None
     limits, found = resolve(scene, element, reads, commands)
     problems += found
@@ -254,15 +245,8 @@ def _build(
     elif commands:
         tick = 1.0 / scene.rates.servo
         problems += stale(element.name, cls, params, reads, limits.watchdog, tick, place, twin=bool(element.twin))
-    if not element.twin and cls.twin_only:
-        sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
-        place = scene.places.of(element, "twin")
-        problems.append(Problem("twin-only", sentence, place, 'write twin="yes", or omit --twin'))
-    elif not element.twin and commands and cls.lets_go(params) is None and not cls.opens_twice(params):
-        sentence = f"device '{element.name}': nothing would stop it if this program died, so it is not driven"
-        place = scene.places.of(element, "twin") or scene.places.of(element)
-        advice = f"'{element.plugin}' must state its own `watchdog`, or that a `second_opener` can make it safe"
-        problems.append(Problem("no-watchdog", sentence, place, advice))
+    if undriven := _not_driven(scene, element, cls, params, commands):
+        problems.append(undriven)
     monitors = _monitors(element, (reads, commands), limits, params, catalog, problems, place)
     mount = (*element.mount.pos, *orientation(element.mount, scene, problems))
     calibration = element.calibration
@@ -286,6 +270,40 @@ def carriers_of(devices: Mapping[str, DeviceModel], device: DeviceModel) -> Iter
     while device.carrier and device.carrier in devices:
         yield device.carrier
         device = devices[device.carrier]
+
+
+def _wrong_channel(
+    element: DeviceElement, reads: tuple[Channel, ...], commands: tuple[Channel, ...], place: Place | None
+) -> Problem | None:
+    """Return what is wrong with the channels that a plugin declares: a size that its role does not have, or names."""
+    for channel in (*reads, *commands):
+        if SIZES.get(channel.role, channel.size) != channel.size:
+            sentence = (
+                f"device '{element.name}': plugin '{element.plugin}' has a channel '{channel.name}' of {channel.size} "
+                f"numbers; a {channel.role.value} has {SIZES[channel.role]}"
+            )
+            return Problem("plugin-failed", sentence, place, "report it to the plugin's author")
+    if clash := _clash(reads, commands):
+        sentence = f"device '{element.name}': plugin '{element.plugin}' {clash}"
+        return Problem("plugin-failed", sentence, place, "its author must rename that channel")
+    return None
+
+
+def _not_driven(
+    scene: Scene, element: DeviceElement, cls: type[Device], params: Any, commands: Sequence[Channel]
+) -> Problem | None:
+    """Return why hardware cannot be driven: it has no driver, or nothing would stop it if this program died."""
+    if element.twin:
+        return None
+    if cls.twin_only:
+        sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
+        return Problem("twin-only", sentence, scene.places.of(element, "twin"), 'write twin="yes", or omit --twin')
+    if commands and cls.lets_go(params) is None and not cls.opens_twice(params):
+        sentence = f"device '{element.name}': nothing would stop it if this program died, so it is not driven"
+        place = scene.places.of(element, "twin") or scene.places.of(element)
+        advice = f"'{element.plugin}' must state its own `watchdog`, or that a `second_opener` can make it safe"
+        return Problem("no-watchdog", sentence, place, advice)
+    return None
 
 
 def skins_of(scene: Scene) -> dict[str, float | None]:
