@@ -138,7 +138,7 @@ def with_pyglet(monkeypatch: pytest.MonkeyPatch, controllers: Any) -> None:
     monkeypatch.setenv("DISPLAY", ":9")
 
 
-def test_pyglets_is_asked_because_nobody_else_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pyglet_reports_a_missing_display(monkeypatch: pytest.MonkeyPatch) -> None:
     made = controller()
     with_pyglet(monkeypatch, lambda: [made])
     sticks = find_pad()

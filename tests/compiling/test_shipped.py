@@ -143,7 +143,7 @@ def test_a_manifest_that_does_not_fit_or_is_none_is_not_used(program: Path) -> N
 @pytest.mark.parametrize(
     "first", ["itouch_tools.cli.live", "itouch.contact", "itouch.joining", "itouch.plugin", "itouch.loop"]
 )
-def test_whatever_is_imported_first_the_processor_is_chosen_before_the_compiler_is(first: str, tmp_path: Path) -> None:
+def test_the_cpu_is_chosen_before_numba_is_imported(first: str, tmp_path: Path) -> None:
     """As from a wheel that brings kernels: a copy of the program with a manifest that fits."""
     package = tmp_path / "itouch"
     package.mkdir()

@@ -274,6 +274,6 @@ def test_a_plane_and_a_flat_mesh_are_no_bodies() -> None:
         ("Error: something else", 2),
     ],
 )
-def test_what_cannot_be_is_put_down_to_the_object_that_is_named_or_the_first_free_one(message: str, index: int) -> None:
+def test_an_impossible_inertia_names_its_object(message: str, index: int) -> None:
     kinds = (STILL, MOVED, FREE, FREE)
     assert bodies._which(message, [Body(Sphere(0.01), (0, 0, 0, *UP), kind) for kind in kinds]) == index

@@ -85,7 +85,7 @@ def test_two_writers_of_a_command_are_refused() -> None:
         Plan(steps, ["arm.command.wrench"])
 
 
-def test_what_stands_for_no_field_is_not_shown() -> None:
+def test_unmapped_values_are_hidden() -> None:
     plan = Plan([Step("one", _nothing, ("a", "b.*", "*.c", "d"), ("*",))], ["a", "x.c"])
     assert plan.steps[0].reads == ("a", "*.c")
     assert list(plan.steps[0].written(["a", "x.c"])) == ["a", "x.c"]

@@ -992,7 +992,7 @@ def test_one_that_is_held_stands_nearer_by_more_than_it_may_or_at_all_if_it_is_n
         assert rig.sequence._nearer(rig.table.gate, gone) is nearer
 
 
-def test_one_that_came_up_again_has_not_gone_back_as_it_was_told_though_it_is_lower_than_it_was() -> None:
+def test_a_retreat_that_reverses_is_not_accepted() -> None:
     rig = Rig()
     heights = iter((*np.linspace(0.03, 0.024, 24), *np.linspace(0.024, 0.026, 8)))
     rig.leaves_after = math.inf
