@@ -285,7 +285,7 @@ class Chain:
         self.run_timed(np.zeros(1), 0, len(self.calls))
 
     def repeat(self, rounds: int, tick: NDArray[np.int64]) -> int:
-        """Run all calls ``rounds`` times in one compiled loop, for measurements; ``tick`` (1,) advances by 1 each time.
+        """Run all calls ``rounds`` times in one compiled loop, for measurements; ``tick`` (1,), a count, grows by 1.
 
         When a call hands over to Python, that work and the remaining calls of its step are left out.  Returns how often
         this happened.

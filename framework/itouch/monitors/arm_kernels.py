@@ -32,7 +32,7 @@ class Pushing(NamedTuple):
 def check(pushing: Any, wrench: Floats, speed: float, figure: Floats) -> float:
     """Return the share of the force that the finger's speed [m/s] allows, or minus the code of a trip.
 
-    ``wrench`` (6,): what was sent [N, N m]; ``figure`` (1,): the value that tripped, written.
+    ``pushing``: a `Pushing`; ``wrench`` (6,): what was sent [N, N m]; ``figure`` (1,): the value that tripped, written.
     """
     force = math.sqrt(wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2])
     if force > pushing.force:  # a force that was limited can't be greater

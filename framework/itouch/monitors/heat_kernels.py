@@ -1,4 +1,8 @@
-"""What a plate may do to a finger, compiled: the arithmetic of `Heat` (T1 to T7), and its whole check."""
+"""What a plate may do to a finger, compiled: the arithmetic of `Heat` (T1 to T7), and its whole check.
+
+In every function ``plate`` is a `Plate`, ``allowed`` an `Allowed`, ``memory`` a `Memory`, ``checks`` are
+`runaway_kernels.SensorChecks`, ``look`` a `runaway_kernels.Look`, and a temperature is that of the plate [K].
+"""
 
 from __future__ import annotations
 
@@ -70,7 +74,11 @@ class Allowed(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is remembered of a plate, as State has it; ``dose``, ``cold_time`` and ``since`` have shape (1,)."""
+    """What is remembered of a plate, as State has it.
+
+    ``dose``, ``cold_time``: thermal dose and time in the cold so far; ``since``: when the contact began, NaN: there is
+    none; (1,) each [s].  ``figure`` (3,): the figures of the last trip, in the units of its limit.
+    """
 
     past: history_kernels.ReadingRing
     dose: Floats
@@ -88,12 +96,12 @@ def check(
 
     Parameters
     ----------
-    plate, allowed, checks, memory
-        Of the plate: `Plate`, `Allowed`, `runaway_kernels.SensorChecks`, `Memory`.
+    plate, allowed, checks, memory, look
+        See above.
     reading, sent
         All numbers of the device's reading and of what it was sent, (n,) each, in their channels' units.
-    look, fresh
-        A `runaway_kernels.Look`, and whether a reading has come since the last check.
+    fresh
+        Whether a reading has come since the last check.
 
     Returns
     -------

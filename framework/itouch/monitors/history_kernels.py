@@ -1,4 +1,7 @@
-"""Looking back by time at a plate's readings, compiled: the arithmetic of `History`."""
+"""Looking back by time at a plate's readings, compiled: the arithmetic of `History`.
+
+In every function ``past`` is a `ReadingRing`, and ``window`` or ``double`` the index of a window in it.
+"""
 
 from __future__ import annotations
 

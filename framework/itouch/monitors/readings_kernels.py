@@ -1,4 +1,7 @@
-"""Whether a reading can be believed, compiled: the arithmetic of `Readings`."""
+"""Whether a reading can be believed, compiled: the arithmetic of `Readings`.
+
+In every function ``limits`` are `PlausibilityLimits` and ``memory`` a `Memory`.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,9 @@ class PlausibilityLimits(NamedTuple):
     numbers with limits, with ``speed`` and ``room`` (n,): how far one can be from the reading before, per second and at
     once; ``first``, ``second``: indices of numbers that measure the same and differ by at most ``apart`` (1,);
     ``turns``: where quaternions begin, and ``stretch`` (1,): how far the sum of the squares of their parts may be from
-    1; ``disagree``, ``jump``, ``odd``, ``outside`` (1,): the trips of two numbers that differ, of one too far from the
-    reading before, of NaN or an infinite number, and of a quaternion that is no rotation.
+    1; limits are in the units of the channels; ``disagree``, ``jump``, ``odd``, ``outside`` (1,): the trips of two
+    numbers that differ, of one too far from the reading before, of NaN or an infinite number, and of a quaternion that
+    is no rotation.
     """
 
     low: Floats
@@ -43,7 +47,11 @@ class PlausibilityLimits(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is remembered: the last believed reading (n,), whether the next is compared with it (1,), trip figures."""
+    """What is remembered, as State has it.
+
+    ``believed`` (n,): the last believed reading, in the channels' units; ``known`` (1,): 1 while the next is compared
+    with it; ``figure`` (2,): the figures of the last trip, an index in the reading and a number.
+    """
 
     believed: Floats
     known: Numbers

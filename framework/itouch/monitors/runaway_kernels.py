@@ -1,4 +1,8 @@
-"""Whether a plate's sensor and drive can be right, compiled: the arithmetic of `Runaway` (T8, T9)."""
+"""Whether a plate's sensor and drive can be right, compiled: the arithmetic of `Runaway` (T8, T9).
+
+In every function ``checks`` are `SensorChecks`, ``memory`` a `Memory`, ``look`` a `Look`, ``temperature`` the plate's
+[K], and ``drive`` what `drive_of` returns [1].
+"""
 
 from __future__ import annotations
 
@@ -39,9 +43,10 @@ Numbers = NDArray[np.int64]
 
 
 class SensorChecks(NamedTuple):
-    """Checks of a plate's sensor: what is known of its drive (see `Runaway`), and their trips.
+    """Checks of a plate's sensor: ``follows`` (whether) and ``part`` [1] of its drive, see `Runaway`; codes of trips.
 
-    ``frozen``, ``disagree``, ``runaway``: the trips of a sensor that is frozen, of one that drifts, and of a runaway.
+    ``frozen`` and ``disagree``: of a sensor that is frozen or has drifted; ``runaway``: of a plate that does not obey
+    its drive.
     """
 
     follows: bool
@@ -52,7 +57,18 @@ class SensorChecks(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is remembered of a plate and its drive, as State has it; scalars have shape (1,)."""
+    """What is remembered of a plate and its drive, as State has it; shape (1,) unless said otherwise.
+
+    Of a reading that stays exactly the same: ``frozen`` itself [K]; ``frozen_at``, when the newest was measured, and
+    ``frozen_for``, how long it has been the same [s]; ``frozen_drive``, how much the drive has changed meanwhile, times
+    time, and ``frozen_held``, the seconds of full drive [s]; ``frozen_slope``, how fast it changed before [K/s];
+    ``frozen_from``, the drive when that began [1].
+
+    ``driven_for``: how long a strong drive has lasted, negative if it heats; ``touched_at``: when the plate was last
+    touched; ``odd_for``: how long it has been on the wrong side of its heat sink [s].  ``parts`` (PARTS, 3): time [s],
+    least and greatest temperature [K] of tenths of a second.  ``figure2`` (2,): the figures of the last trip, in the
+    units of its limit.
+    """
 
     frozen: Floats
     frozen_at: Floats
@@ -95,8 +111,7 @@ def check(
 ) -> float:  # fmt: skip
     """Return minus the code of a trip, or 0.
 
-    ``temperature`` of the plate, ``sink``: of the heat sink, NaN: not known [K]; ``drive``: as of `drive_of` [1];
-    ``news``: whether the reading is a new one.
+    ``sink``: temperature of the heat sink [K], NaN: not known; ``news``: whether the reading is a new one.
     """
     if look.touched:
         memory.touched_at[0] = look.now

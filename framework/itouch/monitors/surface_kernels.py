@@ -1,4 +1,8 @@
-"""The checks of a carried surface (T4, T8, K4-K6), compiled: the arithmetic of `Surface`, and what it remembers."""
+"""The checks of a carried surface (T4, T8, K4-K6), compiled: the arithmetic of `Surface`, and what it remembers.
+
+In every function ``allowed`` is an `Allowed`, ``memory`` a `Memory`, ``load`` a `Load`, ``seen`` a
+`SurfaceObservation`, ``finger`` the finger's position in the device's frame, (3,) [m], and ``nearing`` a `FingerAbove`.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +39,7 @@ Numbers = NDArray[np.int64]
 
 
 class Load(NamedTuple):
-    """The reading of a surface (m,), empty if it has no force sensor, and the lever of torques [m], (1,).
+    """The reading of a surface (m,) [N, N m], empty if it has no force sensor, and the lever of torques [m], (1,).
 
     ``sensors`` (n,): the indices at which the force of each sensor begins, ``torques`` (n, 3): those of the torques
     that count, -1: none.
@@ -48,7 +52,10 @@ class Load(NamedTuple):
 
 
 class Allowed(NamedTuple):
-    """What one surface may do: greatest force [N], times in touch [s] that make it withdraw and that trip; trips."""
+    """What one surface may do, and the codes of the trips.
+
+    ``force``: the greatest [N]; ``clamp``, ``longest``: times in touch that make it withdraw, and that trip [s].
+    """
 
     force: float
     clamp: float
@@ -61,7 +68,16 @@ class Allowed(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is remembered of a surface, as State has it; scalars have shape (1,)."""
+    """What is remembered of a surface, as State has it; shape (1,) unless said otherwise, times [s].
+
+    ``contact_time``: how long it has been touched, which falls while it is not; ``withdrawn``: 1 while it is withdrawn
+    because of that; ``counted``: when that clock was looked at last; ``strayed_for``: how long it has been away from
+    its command; ``doubted``: how long a force without a finger has been felt; ``near_since``: since when the finger has
+    been near, NaN: it is not; ``looked``: when it was looked at last, NaN: after a pause.
+
+    ``places``: how many places are remembered; ``track`` (PLACES, 7): time [s], places of the surface and of the finger
+    [m]; ``figure`` (2,): the figures of the last trip, in the units of its limit.
+    """
 
     contact_time: Floats
     withdrawn: Numbers
@@ -128,7 +144,7 @@ _THEN, _X, _Y, _Z, _FINGER_X, _FINGER_Y = range(6)
 
 
 class FingerAbove(NamedTuple):
-    """A finger over a surface: its place and velocity, (3,) in the world, and the height of the surface's top, (1,).
+    """A finger over a surface: place [m] and velocity [m/s], (3,) in the world; height of the surface's top [m], (1,).
 
     ``rising`` (1,): how fast the surface rises [m/s], by its last two places;
     ``pad`` (4,): radius [m] of the finger, stiffness [N/m] and damping [N s/m] of its pad, and the period [s];
@@ -180,14 +196,10 @@ def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen:
 
     Parameters
     ----------
-    allowed, memory, load
-        Of the surface: `Allowed`, `Memory`, `Load`.
+    allowed, memory, load, finger, seen
+        See above.
     pose
         Its reading, shape (7,) [m; quaternion], or (0,) if nothing tells where it is.
-    finger
-        Position of the finger in the device's frame [m], three numbers.
-    seen
-        What was observed, a `SurfaceObservation`.
     touch
         Shape (2,), written when a slow check is due: 1 if it is touched, and the force [N]; NaN: not measured.
     """
@@ -227,7 +239,7 @@ def _astray(memory: Any, seen: Any) -> bool:
 def moves(allowed: Any, memory: Any, pose: Floats, finger: Any, seen: Any, touched: bool) -> float:
     """Return minus the trip of a mean speed over 50 ms that no command can have requested (K5), or 0.
 
-    ``pose`` (7,), or (0,) if nothing tells where it is; ``finger`` three numbers, in the device's frame [m].
+    ``pose`` (7,) [m; quaternion], or (0,) if nothing tells where it is.
     """
     if not seen.gap < NEAR:
         memory.near_since[0] = math.nan

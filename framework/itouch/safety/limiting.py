@@ -33,8 +33,8 @@ class Bounds(NamedTuple):
     their resting values; ``low`` and ``high`` (n,): the range; ``ceilings`` (2, n): of a drive, negative and positive,
     infinite: none; ``torques`` (n,): of a wrench; ``slew`` (n,); ``figures`` (5,): greatest force [N] and speed [m/s],
     lowest and highest temperature [K], greatest torque [N m]; ``free``: the components of a wrench that are torques and
-    not locked; ``off`` (n,): the value that switches a temperature's control off, NaN: there is none;
-    ``work`` (n,): memory to work in.
+    not locked; all in the channel's unit, ``slew`` per second; ``off`` (n,): the value that switches a temperature's
+    control off, NaN: there is none; ``work`` (n,): memory to work in.
     """
 
     kind: NDArray[np.int64]
@@ -224,7 +224,7 @@ def limit(
     Parameters
     ----------
     bounds, moving
-        See ``Bounds`` and ``TickLimits``.
+        The channel's `Bounds`, and `TickLimits`.
     wanted, sent
         The command requested, and the one sent last, which is overwritten, shape (n,), in the channel's unit.
     clamped, dropped
@@ -271,8 +271,9 @@ def begin(
 ) -> int:  # fmt: skip
     """Set the share of commands that is let through in this tick: that of the ramp, times what all monitors allow.
 
-    ``wanted`` (n,): all commands, in their channels' units; ``ends``: the index in it at which each channel ends;
-    ``growth``: of the ramp in a tick [1]; the other arrays have shape (1,), ``ramp`` and ``moving`` are written.
+    ``wanted`` (n,): all commands, in their channels' units; ``ends`` (channels,): the index in it at which each ends;
+    ``status`` (1,): the device's, a code; ``ramp`` and ``left`` (1,): the shares of the ramp and of the monitors [1];
+    ``growth``: of the ramp in a tick [1]; ``moving``: a `TickLimits`.  ``ramp`` and ``moving`` are written.
 
     Returns 0; SKIP if the device is closed; PYTHON if it is not enabled, or any command is not a number.
     """

@@ -84,7 +84,8 @@ def clocked(ticks: int, period: float) -> float:
 def moment(clocks: Any, checked: int, tick: int, period: float) -> tuple[float, float, float]:
     """Return the time now, the time at which the newest reading was measured, and the time since ``checked`` [s].
 
-    ``checked``: when a monitor looked last, in ticks; below 0: not yet, or not since a pause; then the last is 0.
+    ``clocks``: `Clocks`; ``checked``: when a monitor looked last, in ticks; below 0: not yet, or not since a pause;
+    then the last is 0.
     """
     now, newest = tick + clocks.missed[0], clocks.measured[0]
     for i in range(1, len(clocks.measured)):
@@ -112,7 +113,9 @@ class Asked(NamedTuple):
 def due(status: Any, sequence: Any, tick: Any, taken: Any, replaced: Any, closed: int, every: int) -> int:
     """Return 0 if a reading is to be taken in this tick, else SKIP; arrays have shape (1,).
 
-    For a twin that was ``replaced`` it returns PYTHON, because the compiled calls read the one before.
+    ``status``: the device's, a code; ``sequence``: the number of its readings so far; ``tick``: the number of this
+    tick; ``taken``: whether a reading has come, set to 0; ``replaced``: whether another twin stands in for it: then it
+    returns PYTHON, because the compiled calls read the one before.
     """
     taken[0] = 0
     if replaced[0] != 0:
@@ -124,7 +127,10 @@ def due(status: Any, sequence: Any, tick: Any, taken: Any, replaced: Any, closed
 
 @kernel
 def came(tick: Any, measured: Any, taken: Any) -> int:
-    """Note that a reading has come that was measured in this tick: ``measured`` (n,) is the tick of each channel."""
+    """Note that a reading has come that was measured in this tick: ``measured`` (n,) is the tick of each channel.
+
+    ``tick`` (1,): the number of this tick; ``taken`` (1,): whether a reading has come, set to 1.
+    """
     taken[0] = 1
     for i in range(len(measured)):
         measured[i] = tick[0]
@@ -138,7 +144,8 @@ def watch(
 ) -> int:  # fmt: skip
     """Check the reading that has come, take it over if it is believed, and tell whether it is a monitor's turn.
 
-    Returns 0, LOOK, or PYTHON; with PYTHON nothing has changed, except the figure of a trip.
+    Returns 0, LOOK, or PYTHON; with PYTHON nothing has changed, except the figure of a trip.  ``tick`` (1,): the number
+    of this tick.
     """
     status = device.status[0]
     if status == closed:
@@ -178,7 +185,8 @@ def ask(
 
     Returns 0, or TOLD + ``number`` if what it finds, in ``one.said``, is not the share that it allowed before.
 
-    ``seen`` and ``sent`` (n,): all numbers that the device read and was sent, in their channels' units.
+    ``status`` (1,): the device's, a code; ``tick`` (1,): the number of this tick; ``seen`` and ``sent`` (n,): all
+    numbers that the device read and was sent, in their channels' units.
     """
     if status[0] == closed or clocks.heard[0] < 0:
         return 0

@@ -156,7 +156,7 @@ def follow(session: Session, seconds: float | None = None) -> Course:
 
 
 def around(values: Floats, ticks: int) -> Floats:
-    """Return for each of the values (n,) the greatest within ``ticks`` before and after it, shape (n,)."""
+    """Return for each of the values (n,), in any unit, the greatest within ``ticks`` before and after it, (n,)."""
     padded = np.pad(values, ticks)
     greatest: Floats = np.lib.stride_tricks.sliding_window_view(padded, 2 * ticks + 1).max(axis=1)
     return greatest
