@@ -1,4 +1,8 @@
-"""Contact events of a probe in a tick, found in compiled code: NEAR, then END and BEGIN, or MOVE; kept in State."""
+"""Contact events of a probe in a tick, found in compiled code: NEAR, then END and BEGIN, or MOVE; kept in State.
+
+In every function ``seen`` is `EventInputs`, ``kept`` an `EventMemory`, ``event`` a `HeardContact` and ``ended`` an
+`Ended`.
+"""
 
 from __future__ import annotations
 
@@ -73,8 +77,8 @@ def happens(seen: Any, kept: Any, event: Any, probe: int, moving: bool, moves: b
 
     Parameters
     ----------
-    event
-        A `HeardContact`, written.
+    seen, kept, event
+        See above; ``event`` is written.
     probe
         The number of the probe.
     moving, moves
@@ -207,7 +211,7 @@ def next_told(
 def close(event: Any, current: Any, ended: Any) -> int:
     """At END keep a copy of State for the contact's log entry, and mark the contact as no longer open; return 0.
 
-    ``current`` (1,): the object whose contact is open.
+    ``current`` (1,): index of the object whose contact is open.
     """
     if event.kind[0] == END:
         for i in range(ended.state.shape[0]):  # not [:] =, whose message about shapes takes over a second to compile
@@ -234,13 +238,14 @@ def tell(
     Parameters
     ----------
     nearest, near, current, primary, separated, moves
-        As in `probe_steps.quiet`.
+        Indices of objects, and a count, shape (1,) each, and whether anybody hears MOVE; see `probe_steps.quiet`.
     event
-        The numbers of the event, a `HeardContact`; written.
+        Written; see above.
     chain
         Address of the chain that finds one event and delivers it (`Chain.place`).
     left
-        Where the chain has stopped, if a call has left something to Python, shape (1,); written.
+        Where the chain has stopped, index and code as of `run_chain`, if a call has left something to Python, shape
+        (1,); written.
     number
         What is returned then, 1 or more.
     """

@@ -350,7 +350,7 @@ def advance(
     told, counts, greatest
         The number of ticks timed, their histograms, and the greatest times; written.
     left
-        Where the plan has stopped, if a step has left something to Python; written.
+        Where the plan has stopped, index and code as of `run_chain`, if a step has left something to Python; written.
 
     Returns
     -------

@@ -40,8 +40,9 @@ class ProbeArrays(NamedTuple):
 class Objects(NamedTuple):
     """The objects of a scene.
 
-    ``world`` (objects, WORLD_WIDTH), their meshes, ``poses`` (objects, 7) [m; quaternion], ``twists`` (objects, 6)
-    [m/s, rad/s].
+    ``world`` (objects, WORLD_WIDTH); ``mesh``: vertices (v, 3) [m], triangles (n, TRIANGLE_WIDTH) and nodes
+    (m, NODE_WIDTH) of all their meshes, see `itouch.contact.bvh`; ``poses`` (objects, 7) [m; quaternion], ``twists``
+    (objects, 6) [m/s, rad/s].
     """
 
     world: Floats
@@ -81,7 +82,7 @@ class StatedSurface(NamedTuple):
 
 @kernel
 def placed(fixed: Any) -> int:
-    """Leave the step to Python while frames may move; ``fixed`` has shape (1,)."""
+    """Leave the step to Python while frames may move; ``fixed`` (1,): whether they stay as they are."""
     return 0 if fixed[0] != 0 else PYTHON
 
 
@@ -90,7 +91,12 @@ def look_beside(
     world: Floats, mesh: Any, poses: Floats, primary: Any, point: Floats, normal: Floats, reach: float, found: Any,
     away: Any,
 ) -> int:  # fmt: skip
-    """Find which object begins beside the touched place, within reach [m]; ``found`` and ``away`` (1,) are written."""
+    """Find which object begins beside the touched place, within reach [m]; ``found`` and ``away`` are written.
+
+    ``world``, ``mesh``, ``poses``: as in `Objects`; ``primary`` (1,): index of the touched object, -1: none; ``point``
+    [m] and ``normal`` [1], (3,) each: where it is touched, in the world; ``found`` (1,): index of the object beside it,
+    -1: none; ``away`` (1,): how far away that begins [m].
+    """
     found[0], away[0] = -1, np.inf
     if primary[0] >= 0:
         other, distance = beside(world, mesh, poses, primary[0], point, normal, reach)
@@ -113,8 +119,8 @@ def only_virtual(figures: Floats, felt: Floats) -> int:
 def led(withdrawn: Any, kept: Floats) -> int:
     """Leave the step to Python while safety, not the modality, leads the surface (T4).
 
-    ``withdrawn`` (1,) holds a code; ``kept`` (MEMORY,) is the memory of the surface, with the units of
-    `itouch.loop.surface.surface_memory`.
+    ``withdrawn`` (1,): whether it is withdrawn, a code; ``kept`` (MEMORY,) is the memory of the surface, with the units
+    of `itouch.loop.surface.surface_memory`.
     """
     return PYTHON if withdrawn[0] != 0 or kept[surface_memory.MISSED] == surface_memory.WITHDRAWN else 0
 
@@ -124,7 +130,7 @@ def look_below(
     own: ProbeArrays, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, below: Any,
     down: Floats, normal: Floats, start: Floats,
 ) -> int:  # fmt: skip
-    """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its object.
+    """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its index.
 
     ``table`` (7,) and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m];
     ``presses`` and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``,
@@ -213,8 +219,8 @@ def close_in(
 ) -> int:  # fmt: skip
     """Choose how fast the surface may approach the finger [m/s]; where it may not at all, count a limited command.
 
-    ``figures`` (FIGURES,) of `render`, ``closing`` (1,) and ``clamped`` (1,) are written; ``radius`` [m], the other
-    numbers as in `carried.pace`.
+    ``figures`` (FIGURES,) of `render`, ``closing`` (1,) and ``clamped`` (1,), a count, are written; ``radius`` [m], the
+    other numbers as in `carried.pace`.
     """
     closing[0] = pace(_gap_of(figures, radius), figures[render.TRACKING], tracking, near, close, far)
     if closing[0] == 0.0:
@@ -224,7 +230,12 @@ def close_in(
 
 @kernel
 def quiet(nearest: Any, near: Any, current: Any, primary: Any, separated: Any, moves: bool) -> int:
-    """Leave the step to Python if there is an event to tell or a contact about to end; all arrays have shape (1,)."""
+    """Leave the step to Python if there is an event to tell or a contact about to end; all arrays have shape (1,).
+
+    ``nearest``, ``near``, ``primary``, ``current``: indices of the nearest object, of the one that was near, of the
+    touched one, and of the one whose contact is open, -1: none; ``separated``: for how many ticks that has been apart;
+    ``moves``: whether anybody hears MOVE.
+    """
     if nearest[0] != near[0]:
         return PYTHON
     if current[0] < 0:
@@ -234,17 +245,17 @@ def quiet(nearest: Any, near: Any, current: Any, primary: Any, separated: Any, m
 
 @kernel
 def original(replaced: Any) -> int:
-    """Leave the step to Python where another twin has replaced the compiled one; ``replaced`` has shape (1,)."""
+    """Leave the step to Python where another twin has replaced the compiled one; ``replaced`` (1,): whether it has."""
     return PYTHON if replaced[0] != 0 else 0
 
 
 @kernel
 def turn(tick: Any, every: int) -> int:
-    """Skip the rest of the step except in one tick of ``every``; ``tick`` has shape (1,)."""
+    """Skip the rest of the step except in one tick of ``every``; ``tick`` (1,): the number of this tick."""
     return 0 if tick[0] % every == 0 else SKIP
 
 
 @kernel
 def due(tick: Any, every: int) -> int:
-    """Leave the step to Python in one tick of ``every``; ``tick`` has shape (1,)."""
+    """Leave the step to Python in one tick of ``every``; ``tick`` (1,): the number of this tick."""
     return PYTHON if tick[0] % every == 0 else 0

@@ -50,7 +50,8 @@ def follow(c: Floats, tracker: Floats, figures: Floats, afresh: Any, tick: Any) 
     """Take the tracker's position as the HIP, and filter its velocity, which stays as it is in the first tick.
 
     ``c`` (CONSTANTS,) and ``figures`` (FIGURES,) as above; ``tracker`` (7,) [m; quaternion], of which only the
-    position is read; ``tick`` (1,); where ``afresh`` (1,) is set, the velocity stays as it is this once.
+    position is read; ``tick`` (1,): the number of this tick; ``afresh`` (1,): whether the velocity stays as it is this
+    once, set to 0.
     """
     first = tick[0] == 0 or afresh[0] != 0
     afresh[0] = 0
@@ -171,7 +172,7 @@ def touch(
     figures, result
         The probe's part of State, and what the contact search found, shapes (FIGURES,) and (RESULT_SIZE,).
     primary, nearest
-        Written: the object touched most and the nearest one, shape (1,) each; -1: none.
+        Written: indices of the object touched most and of the nearest one, shape (1,) each; -1: none.
     """
     for i in range(3):
         figures[PROXY + i] = result[at.RESULT_PROXY + i]

@@ -24,7 +24,7 @@ class Counts(NamedTuple):
 
 @kernel
 def counted(bins: Any, value: float) -> None:
-    """Count one number; what is beyond the last bin, or NaN, is counted in the last bin."""
+    """Count one number in `Counts`; what is beyond the last bin, or NaN, is counted in the last bin."""
     if value > bins.greatest[0]:
         bins.greatest[0] = value
     place, last = value * bins.per_unit[0], bins.counts.shape[0] - 1

@@ -90,7 +90,7 @@ def arm(
 ) -> int:  # fmt: skip
     """Watch an arm; ``figure`` (1,) is written.
 
-    ``wrench`` (6,): sent last [N, N m]; ``velocity`` (3,): of the finger [m/s].
+    ``wrench`` (6,): sent last [N, N m]; ``velocity`` (3,): of the finger [m/s]; ``tick`` (1,): the number of this tick.
     """
     if post.status[0] != enabled:
         return SKIP
@@ -136,8 +136,9 @@ def together(
 ) -> int:  # fmt: skip
     """Leave an arm the force [N] that a surface does not take, and run the clock of T4.
 
-    ``load``, ``allowed``, ``memory``, ``status``, ``touched``: of the surface; ``nearing``: of the finger; ``touch``:
-    the least force that counts [N]; ``force``: the greatest of all together [N]; ``room`` (n,), n at most 1: the force
+    ``load``, ``allowed``, ``memory``: of the surface; ``status``, a code, ``touched``, whether it is, and ``missed``,
+    how many ticks were left out, (1,) each: of its device; ``nearing``: of the finger; ``touch``: the least force that
+    counts [N]; ``force``: the greatest of all together [N]; ``room`` (n,), n at most 1: the force
     left for the arm, written.  ``said`` (1,) is written for Python.
     """
     pressed = felt(load)
@@ -156,7 +157,8 @@ def together(
 def shown(status: Any, enabled: int, touched: Any, force: Floats, its_touched: Any, its_force: Floats) -> int:
     """Tell the device that this one carries whether it is touched, and with what force [N]; arrays have shape (1,).
 
-    ``its_touched`` and ``its_force`` are written.
+    ``status``: of this one, a code; ``touched``, ``its_touched``: whether each is touched; ``its_touched`` and
+    ``its_force`` are written.
     """
     if status[0] == enabled:
         its_touched[0], its_force[0] = touched[0], force[0]

@@ -98,7 +98,7 @@ def timing_fields(parts: int) -> tuple[Field, ...]:
 
 @kernel
 def count(counts: Any, greatest: Any, row: int, seconds: float) -> None:
-    """Count one duration in a row."""
+    """Count one duration [s] in a row of histograms, ``counts`` (rows, BINS); ``greatest`` (rows,) of durations [s]."""
     index = int(math.log2(seconds * _SCALE) * PER_OCTAVE) if seconds > LEAST else 0
     counts[row, min(index, BINS - 1)] += 1
     if seconds > greatest[row]:

@@ -77,7 +77,7 @@ _PLACE, _RISE, _RELEASE, DONE = (int(phase) for phase in TouchOffPhase)
 
 
 class Search(NamedTuple):
-    """A touch-off's part of State: stage, point and target (1,), sums (5,), offsets (points,), calibration (7,).
+    """A touch-off's part of State: stage, point and target [m] (1,), sums (5,), offsets (points,), calibration (7,).
 
     ``aside`` (2,): where the finger is to be on the plate [m]; ``noise`` (1,): mean square of the sensor's readings of
     nothing [N^2]; ``squares`` (1,): sum of the squares of heights [m^2]; ``hand`` (3,): how far the operator twin's
@@ -278,7 +278,9 @@ def _release(search: Any, pose: Floats, fixed: Any) -> None:
 
 @kernel
 def sought(stage: Any, status: Any) -> int:
-    """Skip the search where it is done or the table is not enabled; ``stage`` and ``status`` have shape (1,).
+    """Skip the search where it is done or the table is not enabled.
+
+    ``stage`` (1,): the number of the `TouchOffPhase`; ``status`` (1,): of the table, a code.
 
     Unpacking the arguments of the search would cost more than this in each later tick.
     """
@@ -297,7 +299,7 @@ def seek(
     c, figures
         Constants (CONSTANTS,) and figures (FIGURES,) of the probe; see `render`.
     search, reach
-        The touch-off's part of State, and how far the plate may go.
+        The touch-off's part of State, a `Search`, and how far the plate may go, a `Reach`.
     points
         Where the finger is touched, in the plate's plane, shape (points, 2) [m].
     pose, load
@@ -307,7 +309,7 @@ def seek(
     goal, closing
         Written: its command (7,), and how fast it may approach the finger [m/s], shape (1,).
     fixed
-        Set to 0 when the calibration changes, because frames then change, too; shape (1,).
+        Whether frames stay as they are, shape (1,); set to 0 when the calibration changes, because they do then, too.
     """
     led = not math.isnan(reach.start) and _lead(c, search, reach)
     force, target = abs(load[2]), search.target

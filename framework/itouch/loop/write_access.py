@@ -2,6 +2,9 @@
 
 Python code that writes elsewhere is stopped by read-only views.  Compiled code does not heed them: what it has changed
 elsewhere is found by comparison with a copy taken before, put back before anything is checked or sent, and is a fault.
+
+In the compiled functions ``memory`` (n,) is that of State, in words if it consists of such, else in bytes, ``kept``
+(m,) is the copy, and ``spans`` (k, 2) has the indices at which each part that is copied begins and ends.
 """
 
 from __future__ import annotations
@@ -141,7 +144,7 @@ def _spans(state: Record, names: Iterable[str]) -> Iterable[tuple[int, int]]:
 
 @kernel
 def keep(memory: Any, spans: Any, kept: Any) -> int:
-    """Copy the spans of memory, begins and ends (n, 2), one after the other; return 0."""
+    """Copy the spans of memory, one after the other; return 0."""
     at = 0
     for k in range(spans.shape[0]):
         source = memory[spans[k, 0] : spans[k, 1]]

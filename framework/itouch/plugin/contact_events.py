@@ -50,8 +50,8 @@ class ContactEvent(NamedTuple):
 class HeardContact(NamedTuple):
     """The numbers of a `ContactEvent` as compiled code is shown them: arrays that stay, written anew for each event.
 
-    Scalars have shape (1,), vectors (3,); ``probe`` is the number of the probe in `World.probes`, ``object`` that of
-    the object.
+    Scalars have shape (1,), vectors (3,); units are the same, lengths in m; ``probe`` is the number of the probe in
+    `World.probes`, ``object`` that of the object.
     """
 
     kind: Numbers

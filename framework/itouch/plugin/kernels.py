@@ -20,7 +20,7 @@ _TO_INTEGER = 1.5 * 2.0**52
 
 @kernel
 def copied(source: Any, target: Any) -> int:
-    """Copy the numbers of an array, shape (n,), into another; return 0."""
+    """Copy the numbers of ``source`` (n,) into ``target`` (n,), of the same unit; return 0."""
     for i in range(source.shape[0]):
         target[i] = source[i]
     return 0

@@ -51,7 +51,8 @@ def find(
     c
         Constants of the probe, shape (CONSTANTS,).
     world, mesh, poses, twists
-        The objects; see ``itouch.contact``.  A moving object takes its surface along.
+        The objects; see ``itouch.contact``.  A moving object takes its surface along.  The meshes are vertices (v, 3)
+        [m], triangles (n, TRIANGLE_WIDTH) and nodes (m, NODE_WIDTH).
     figures, memory
         The probe's part of State, and that of the carried surface.
     down, normal, start
