@@ -57,7 +57,7 @@ _ENTRY = re.compile(r"^(\w+(?:, \w+)*)(?: : .*)?\n((?:[ ]{4}.*(?:\n|$)|\n)+)", r
 #: What arrays have too.
 _OF_ARRAYS = {"shape", "size", "ndim"}
 #: Packages whose kernels do not say it yet; this set may only shrink.
-NOT_YET = {"contact_heat", "itouch_encountered", "itouch_thermal"}
+NOT_YET = {"itouch_thermal"}
 
 
 def _aliases(every: dict[str, Module]) -> dict[str, set[str]]:
@@ -182,7 +182,7 @@ def _said_of(doc: str, name: str) -> Iterator[str]:
     for names, body in _ENTRY.findall(doc):
         if name in names.split(", "):
             yield body
-    for clause in re.split(r"[.;]\s|\n\n", doc):
+    for clause in re.split(r"[.;]\s(?![^\[\]]*\])|\n\n", doc):
         if f"``{name}``" in clause:
             yield clause
 

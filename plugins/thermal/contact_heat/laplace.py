@@ -57,7 +57,8 @@ def impedance_table(
 ) -> None:
     """Fill in the impedance of a side [m2K/W] for every time and node, shape (times, NODES).
 
-    ``resistance`` is each layer's thickness over conductivity, ``back`` the admittance of the back face.
+    ``resistance`` is each layer's thickness over conductivity, ``back`` the admittance of the back face; ``table``
+    (times, NODES) [m2K/W], complex, is written.
     """
     last = len(resistance) - 1
     for n in range(len(times)):
@@ -92,7 +93,10 @@ def drive_table(
     times: Array,
     table: Any,
 ) -> None:
-    """Fill in the open contact temperature [K] for steps of arterial and back temperature, shape (times, NODES)."""
+    """Fill in the open contact temperature [K] for steps of arterial and back temperature, shape (times, NODES).
+
+    ``table`` (times, NODES) [K], complex, is written.
+    """
     last = len(resistance) - 1
     for n in range(len(times)):
         for k in range(NODES):
@@ -134,11 +138,12 @@ def combine(
     face: Any,
     transforms: Any,
 ) -> None:
-    """Fill in flux, heat and both face temperatures, shape (times,), and the flux transforms, shape (times, NODES).
+    """Fill in flux, heat and both face temperatures, and the flux transforms.
 
-    ``finger`` and ``body`` are impedance tables; the drives are tables of the same shape, or empty if there is none.
-    ``numbers`` holds the initial face temperatures [K] and inward fluxes [W/m2] of finger and object, and the
-    resistance [K m2/W].
+    ``flux`` [W/m2], ``heat`` [J/m2], ``skin`` [K] and ``face`` [K] have shape (times,), ``transforms`` [W/m2] has
+    (times, NODES).  ``finger`` and ``body`` are impedance tables, shape (times, NODES) [m2K/W]; ``finger_drive`` and
+    ``body_drive`` are tables of `drive_table`, shape (times, NODES) [K], or empty if there is none.  ``numbers`` holds
+    the initial face temperatures [K] and inward fluxes [W/m2] of finger and object, and the resistance [K m2/W].
     """
     warm, cold, warm_flux, cold_flux, resistance = numbers
     for n in range(len(times)):

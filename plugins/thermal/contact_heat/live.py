@@ -7,6 +7,8 @@
 The first step of a touch, and each of the first few at an unchanged resistance, is exact for the model: the transform
 of the flux is known in closed form and is inverted on a contour.  All other steps use collocation.  A phase counter in
 the state tells a new touch from a continued one, so no other memory is needed.
+
+In every function ``work`` (SCRATCH,) is scratch memory of the caller: the unit of its entries changes from use to use.
 """
 
 from __future__ import annotations
@@ -139,7 +141,7 @@ def air_step(model: Array, state: Array) -> None:
 
 @kernel
 def advance_air(model: Array, state: Array, work: Any) -> None:
-    """Do `air_step` with the caller's scratch array, shape (SCRATCH,).
+    """Do `air_step` with the caller's scratch memory.
 
     ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; the state is changed in place.  The model holds
     the film [W/m2K] and the ambient temperature [K].
@@ -161,8 +163,8 @@ def advance_air(model: Array, state: Array, work: Any) -> None:
 def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[float, float]:
     """Step one model exactly, its port joined to the ambient by a resistance; return inward flux and heat.
 
-    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`, ``work`` has shape (SCRATCH,); ``resistance``
-    [K m2/W], flux [W/m2] and heat [J/m2].
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; ``resistance`` [K m2/W], flux [W/m2] and heat
+    [J/m2].
     """
     n = int(model[SIZE])
     z = HEAD + ROWS * n + _SQUARE
@@ -179,8 +181,8 @@ def contour(model: Array, state: Array, resistance: float, work: Any) -> tuple[f
 def collocate(model: Array, state: Array, before: float, after: float, work: Any) -> tuple[float, float]:
     """Step one model with its port joined to the ambient; the resistance changes linearly from before to after.
 
-    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`, ``work`` has shape (SCRATCH,); resistances
-    [K m2/W], flux [W/m2] and heat [J/m2].
+    ``model`` (n,) and ``state`` (size,) are laid out as in `packing`; resistances [K m2/W], flux [W/m2] and heat
+    [J/m2].
     """
     n = int(model[SIZE])
     square = model[HEAD + ROWS * n : HEAD + ROWS * n + _SQUARE]
@@ -253,7 +255,7 @@ def _divide(re: float, im: float, real: float, imag: float, work: Any, k: int) -
 
 @kernel
 def flux_of(work: Any, period: float) -> tuple[float, float]:
-    """Return the flux at the end of a step [W/m2] and its integral [J/m2] from its transform in work."""
+    """Return the flux at the end of a step [W/m2] and its integral [J/m2] from its transform in work [J/m2]."""
     flux = heat = 0.0
     for k in range(NODES):
         re = _W_REAL[k] * work[k] - _W_IMAG[k] * work[NODES + k]

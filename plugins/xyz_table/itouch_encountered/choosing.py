@@ -1,4 +1,8 @@
-"""Who renders a contact: the surface where the slope is not too steep and its height proves right, else the arm."""
+"""Who renders a contact: the surface where the slope is not too steep and its height proves right, else the arm.
+
+In every function ``c`` is `motion.Numbers`, and ``own`` (51,) are the modality's fields, with the units of
+`own.FIELDS`; behind a wire there are more.
+"""
 
 from __future__ import annotations
 
@@ -39,9 +43,9 @@ HOVER_GAP, HOVER_FORCE, HOVER_TIME = 4e-3, 0.5, 0.05
 
 @linked
 def along(frame: Any, normal: Any) -> float:
-    """Return the cosine of the angle between a normal (3,) in the world and the surface's normal.
+    """Return the cosine [1] of the angle between a normal in the world and the surface's normal.
 
-    ``frame`` (12,): the device's frame.  Normal and cosine have no unit [1].
+    ``frame`` (12,): the device's frame in the world, origin [m] and rotation [1]; ``normal`` (3,) [1].
     """
     cosine = 0.0
     for i in range(3):
@@ -53,8 +57,8 @@ def along(frame: Any, normal: Any) -> float:
 def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
     """Decide whether surface or arm renders the contact, with hysteresis: a contact that has begun changes hands late.
 
-    ``c``: `Numbers`; ``own``: the modality's fields, (51,) without a wire; ``upright``: the cosine of the angle between
-    the virtual surface and this one [1]; ``withdrawn``: safety keeps this one away (T4).
+    ``upright``: the cosine of the angle between the virtual surface and this one [1]; ``withdrawn``: safety keeps this
+    one away (T4).
     """
     if touching:
         own[FREE] = 0.0
@@ -75,8 +79,7 @@ def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) ->
 def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
     """Note that the surface is not where its height says: not felt where it should be (LOW), or felt below that (HIGH).
 
-    ``c``: `Numbers`; ``own`` as in `choose`; ``depth``: how far the finger seems to be in the surface [m];
-    ``pressed``: the force on the surface [N].
+    ``depth``: how far the finger seems to be in the surface [m]; ``pressed``: the force on the surface [N].
     """
     hovers = depth < -HOVER_GAP
     what, patience = 0.0, MISS_TIME
@@ -108,7 +111,8 @@ def doubt(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> Non
 def touches_unasked(c: Any, own: Any, depth: float, pressed: float, touching: bool) -> None:
     """Note that the surface is too high (HIGH) because a finger feels it that touches nothing virtual.
 
-    Too high by how much: the gap by its height, and the pad deformation that the force means.  Arguments as in `doubt`.
+    Too high by how much: the gap by its height, and the pad deformation that the force means.  ``depth`` and
+    ``pressed`` as in `doubt`.
     """
     too_high = not touching and pressed / c.stiffness - depth > ABOUT and -HOVER_GAP < depth < 0.0
     if too_high and pressed > TOUCH:

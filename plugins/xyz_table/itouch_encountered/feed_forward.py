@@ -3,6 +3,9 @@
 A device gives way under a force, is late where it goes up or down, and falls behind where it accelerates; it is sent
 higher or lower by what that makes.  The acceleration is that of the virtual surface below the finger, which bends where
 its slope changes, or where finger or object change their speed.
+
+In every function ``c`` is `motion.Numbers`, and ``own`` (51,) are the modality's fields, with the units of
+`own.FIELDS`; behind a wire there are more.
 """
 
 from __future__ import annotations
@@ -60,9 +63,8 @@ def bend(c: Any, own: Any, turns: float, hastens: float, goes_on: bool) -> float
     before the finger is there, to as many ticks after that.  Return how much higher than the virtual surface the
     rounded path is now [m].
 
-    ``c``: `itouch_encountered.motion.Numbers`; ``own``: the modality's fields, (51,) without a wire.  ``turns`` and
-    ``hastens``: how fast the speed of the height changes because the slope does, or because finger or object accelerate
-    [m/s2]; ``goes_on``: whether the contact has lasted for a tick.
+    ``turns`` and ``hastens``: how fast the speed of the height changes because the slope does, or because finger or
+    object accelerate [m/s2]; ``goes_on``: whether the contact has lasted for a tick.
     """
     ticks = 2 * c.ahead
     if not goes_on:
@@ -90,7 +92,7 @@ def watch(c: Any, own: Any, here: float, climb: float) -> None:
     """Follow how fast the surface rises by its own reading ``here`` [m], and how it accelerates.
 
     Behind a wire, readings do not come in every tick: there its speed is taken to be that of the virtual surface,
-    ``climb`` [m/s].  ``c`` and ``own`` (51,) as in `bend`.
+    ``climb`` [m/s].
     """
     if c.wire:
         own[HERE], own[SPEED], own[RUSHES] = here, climb, own[BENDS]
@@ -107,7 +109,7 @@ def learn(c: Any, own: Any, last: float, here: float, pressed: float) -> None:
     """Learn by how much the device misses its command: its compliance, its lag and its inertia.
 
     These are the error for each newton on it, for each m/s of vertical speed, and for each m/s2 of acceleration.
-    ``c`` and ``own`` (51,) as in `bend`; ``last`` and ``here``: the heights to which it was sent, and where it is [m];
+    ``last`` and ``here``: the heights to which it was sent, and where it is [m];
     ``pressed``: the force on it [N].
     """
     speed, rushes = own[SPEED], own[RUSHES]

@@ -148,7 +148,7 @@ class Numbers(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What is read of State: arrays, of one number where no shape is given.
+    """What is read of State: arrays, of shape (1,) where none is given.
 
     Of the device: ``frame`` (12,), ``pose`` (7,), the pose ``sent`` last (7,), and the force on it, ``load`` (6,).
     ``hip`` (3,) of the finger; ``normal`` (3,) of the touched virtual surface.  Of the virtual surface below:
@@ -453,7 +453,8 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """Decide who renders the virtual surface below the finger, and command the device; return 0.
 
     ``c``: `Numbers`; ``seen``: `Seen`, unpacked here, because passing a tuple of many arrays on is costly; ``goal``
-    (7,): the command; ``own``: the modality's own fields, (51,) without a wire.
+    (7,): the command [m; quaternion]; ``own`` (51,), more behind a wire: the modality's fields, with the units of
+    `own.FIELDS`.
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]

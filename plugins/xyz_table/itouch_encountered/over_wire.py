@@ -231,7 +231,8 @@ def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
 def look_over_wire(c: Any, w: Any, own: Any) -> int:
     """Predict where the virtual surface will be when a command acts, and estimate where this one is now; return 0.
 
-    ``c``: `Numbers`; ``w``: `Wire`; ``own``: all fields of the modality, those behind a wire included.
+    ``c``: `motion.Numbers`; ``w``: `Wire`; ``own`` (n,): all fields of the modality, those behind a wire included, with
+    the units of `own.FIELDS`.
     """
     tick = w.tick[0]
     was = GONE_BY + 3 * ((tick - 1) % PAST)
