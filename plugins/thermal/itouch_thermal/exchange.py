@@ -192,7 +192,8 @@ def exchange(given: Given, kept: Kept, skin: Skin, contact: Contact) -> int:
 def start(finger: Floats, kept: Floats, skin: Any) -> None:
     """Bring the model finger to the skin temperature that infrared has measured.
 
-    ``finger`` (n,) is packed, ``kept`` (modes,) [K] its modes, as `contact_heat.packing` lays them out.
+    ``skin`` is a `Skin`, ``finger`` (n,) is packed, ``kept`` (modes,) [K] its modes, as `contact_heat.packing` lays
+    them out.
     """
     shift_surface(finger, kept, skin.change[0])
     skin.change[0] = 0.0

@@ -71,7 +71,7 @@ class PlantState(NamedTuple):
     """State of the plant, changed in place.
 
     ``memory`` (MEMORY,), mode coordinates of tissue and plate (n,) and (m,), delayed currents (d,), and the generator's
-    word (1,).
+    word (1,).  Modes and temperatures are in [K], currents in [A].
     """
 
     memory: Any
@@ -88,7 +88,11 @@ def _counted(value: float, step: float) -> float:
 
 @kernel
 def contact_resistance(law: Any, finger: Any, force: float) -> float:
-    """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite at zero force."""
+    """Return the true contact resistance [K m2/W] at a force [N] on the plate; infinite at zero force.
+
+    ``law`` (n,): the numbers of a law of the contact resistance, in SI units, see `resistance_at`; ``finger``
+    (FINGER,), with the units that stand at its indices.
+    """
     if force <= 0.0:
         return math.inf
     full = finger[FULL_FORCE]
@@ -108,13 +112,13 @@ def display_step(
     made, held, ambient
         As in `plant_step`.
     law, finger
-        The law of the contact resistance (see `resistance_at`), and the finger's numbers, shape (FINGER,).
+        As in `contact_resistance`, shapes (n,) and (FINGER,), in SI units.
     wanted, output
-        The command, shape (1,), and whether the output is on (0.5 or more), shape (1,).
+        The command, current [A] or temperature [K], and whether the output is on (0.5 or more), shape (1,) each.
     face
         Force on the face [N] and gap to the finger [m], shape (2,).
     flux, skin, surface
-        The true flux out of the finger and temperatures of skin and face, shape (1,) each; written.
+        The true flux out of the finger [W/m2] and temperatures of skin and face [K], shape (1,) each; written.
     beside
         Heat flux that a device worn on the finger takes from it [W/m2], shape (1,).
     """
@@ -346,7 +350,11 @@ def _sense(c: Any, memory: Any, words: Any, seen: float, film: float, skin: floa
 
 @kernel
 def sense(memory: Any, skin: Any, valid: Any, plate: Any, sink: Any, flux: Any, current: Any) -> int:
-    """Write the sensors' readings, each of shape (1,), and the present current if it is read; return 0."""
+    """Write the sensors' readings, and the present current if it is read; return 0.
+
+    ``memory`` (MEMORY,), in SI units; ``skin``, ``plate``, ``sink`` [K], ``flux`` [W/m2] and ``valid``, whether the
+    skin's reading is, (1,) each; ``current`` [A], (1,) or (0,).
+    """
     skin[0], valid[0] = memory[READ_SKIN], memory[READ_VALID]
     plate[0], sink[0], flux[0] = memory[READ_PLATE], memory[READ_SINK], memory[READ_FLUX]
     for i in range(current.shape[0]):

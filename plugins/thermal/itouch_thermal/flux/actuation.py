@@ -110,7 +110,8 @@ def target_for(
         Memory of the driver, shape (3,): filtered plate reading [K], its slope [K/s], the driver's integral [A];
         changed.
     targets
-        The targets [K] of the last periods, oldest first: the one in force, then those on their way; changed.
+        The targets [K] of the last periods, shape (delay + 1,), oldest first: the one in force, then those on their
+        way; changed.
     plate, actual
         Newest readings of plate [K] and current [A].
     current

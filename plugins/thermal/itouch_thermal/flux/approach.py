@@ -2,6 +2,9 @@
 
 With ``equalise`` the plate is ready after the same time for every object, long enough for the longest switch: neither
 a delay nor its absence reveals the material.  (What the table does before a touch depends on finger and shape alone.)
+
+In every function ``scene`` is a `views.Scene`, ``own`` are `views.OwnFields`, ``given`` is `views.Given`, ``figures``
+are `views.Figures`, and ``index`` is that of an object.
 """
 
 from __future__ import annotations

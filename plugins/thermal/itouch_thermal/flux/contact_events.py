@@ -1,4 +1,8 @@
-"""Contact events, compiled: when the plate begins and ceases to render a touch."""
+"""Contact events, compiled: when the plate begins and ceases to render a touch.
+
+In every function ``scene`` is a `Scene`, ``own`` are `OwnFields`, ``given`` is `Given`, ``figures`` are `Figures`,
+``course`` is a `Course`, ``models`` are `Models`, and ``memory`` is a `Memory`.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,10 @@
 For the controller `model`, ``begin`` lets its law know before a touch ends, and leaves unusual ticks to Python;
 ``prepare`` determines what the law takes in, ``track`` lets it do so, and ``command`` asks it for the next current.
 Contact events are heard in between (`contact_events`).
+
+In every function ``scene`` is a `Scene`, ``own`` are `OwnFields`, ``given`` is `Given`, ``figures`` are `Figures`,
+``course`` is a `Course`, ``models`` are `Models`, ``memory`` is a `Memory`, and ``law`` (n,) the numbers of a law of
+the contact resistance, in SI units.
 """
 
 from __future__ import annotations

@@ -3,6 +3,9 @@
 All that the estimator does not know is in its parameters, so a reading says the same about them whenever it arrives.
 Therefore the expected readings and their derivatives are kept for each period.  The difference of a late reading from
 the one expected at its time moves the parameters and, by its own present derivatives, the column.
+
+In every function ``x``, ``theta``, ``cover``, ``memory``, ``past`` and ``kept`` are fields of a `law.Memory`, and
+``basis`` is an `observer.Basis`.
 """
 
 from __future__ import annotations
@@ -69,7 +72,8 @@ def recall(
     Parameters
     ----------
     basis, learnt
-        The estimator as it is now, as for `observer.observe`, and the readings that were expected, see `remember`.
+        The estimator as it is now, with the readings that were expected (`remember`): an `observer.Basis` and a
+        `law.Memory`.
     press
         How strongly the finger is being pressed on, see `observer.observe`.
     flux_back, film_back

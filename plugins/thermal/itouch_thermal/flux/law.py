@@ -22,7 +22,14 @@ from itouch_thermal.flux.limits import RATE_OVER
 
 
 class Memory(NamedTuple):
-    """Views of the law's State fields; what each is stands in `_MEANINGS`."""
+    """Views of the law's State fields; what each is, and in which unit, stands in `_MEANINGS`.
+
+    With p parameters, n and m modes of tissue and plate, and the plan's steps: ``x`` (1 + p, n + m + X_TAIL); ``theta``
+    and ``gain`` (p,); ``cover`` (p, p); ``memory`` (M_TAIL,), or one more; ``line`` (delay,), at least (1,); ``slots``
+    (2,); ``wanted`` (steps,); ``span`` (2, steps); ``response`` (HATS, steps); ``knots`` (HATS,); ``past`` (1 +
+    longest, width); ``kept`` (KEPT,); ``future`` (ahead + 1,); ``work``, ``trace``, ``single`` and ``queue`` (k,), each
+    with its own k, see `ModelLaw.fields`.
+    """
 
     x: Array
     theta: Array
@@ -47,8 +54,9 @@ class Memory(NamedTuple):
 class Fixed(NamedTuple):
     """Arrays that never change: the column in fine and coarse steps, and what planning and covering need besides.
 
-    ``hats`` are the plan's functions, ``band`` the plate's [K], ``offsets`` the times at which the plan looks, in
-    periods; ``pad`` as in `observer.seen`, ``prior`` how far each parameter may be from the data sheets.
+    ``hats`` (HATS, steps) are the plan's functions [1], ``band`` (2,) the plate's [K], ``offsets`` (steps,) the times
+    at which the plan looks, in periods; ``pad`` (4,) as in `observer.seen`, ``prior`` (p,) how far each parameter may
+    be from the data sheets, in its own unit.
     """
 
     fine: at.Basis

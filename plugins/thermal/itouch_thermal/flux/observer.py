@@ -6,6 +6,10 @@ flux.  The column is driven by the currents that were sent; its derivatives with
 it, and each reading corrects the parameters by recursive Gauss-Newton (an extended Kalman filter whose state covariance
 is that of the parameters).  A correction moves the column to where it would be if the parameters had always had their
 new values.
+
+In every function ``c``, ``tissue`` and ``plate`` are the fields of a `Basis`; ``x``, ``theta``, ``cover``, ``gain`` and
+``memory`` those of a `law.Memory`; ``row`` (n + m + X_TAIL,) is a row of ``x``, with modes and temperatures [K] and
+fluxes [W/m2], or these per unit of a parameter; and ``o`` is n + m, the number of modes in it.
 """
 
 from __future__ import annotations
@@ -97,7 +101,10 @@ def slewed(current: float, before: float, most: float) -> float:
 
 
 class Basis(NamedTuple):
-    """The display's column as the estimator takes it: constants (O_CONSTANTS,), and packed tissue and plate."""
+    """The display's column as the estimator takes it: constants ``c`` (O_CONSTANTS,), in SI units, and packed halves.
+
+    ``tissue`` (4, n) and ``plate`` (P_ROWS, m), with n and m modes: see `display.column`.
+    """
 
     c: Any
     tissue: Any
@@ -407,7 +414,7 @@ def correct(
 ) -> None:
     """Take in one reading: move parameters and column; ``cover`` is the parameters' covariance (p, p).
 
-    ``slopes`` (p,) are the reading's derivatives with respect to the parameters, as of when it was measured;
+    ``slopes`` (p,) are the reading's derivatives, in its unit per unit of each parameter, as of when it was measured;
     ``explicit`` is a parameter that is itself added to the reading, negative: none.  ``innovation`` is the reading
     minus the expected one, ``noise`` its standard deviation.
 
@@ -575,7 +582,8 @@ def begin_touch(
 ) -> None:  # fmt: skip
     """Set the finger, whose modes are in row 0 already, on the plate: resistance and finger are unknown again.
 
-    ``onset`` is the standard deviation [s] of the time at which it came, where that is a parameter.
+    ``prior`` (p,) are the standard deviations of the parameters before a touch, in their units, and ``onset`` is the
+    standard deviation [s] of the time at which it came, where that is a parameter.
     """
     n, m = tissue.shape[1], plate.shape[1]
     o = n + m

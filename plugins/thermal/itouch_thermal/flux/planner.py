@@ -6,6 +6,9 @@ time to come; from the response to each hat, least squares gives the best change
 sent.
 
 What it is made of are kernels by themselves: linked into the command alone, the plan's loops run a tenth slower.
+
+In every function ``basis`` is an `observer.Basis`, whose fields are ``c``, ``tissue`` and ``plate``; ``theta`` is a
+field of a `law.Memory`; ``above`` (n,) and ``below`` (m,) are the modes [K] of tissue and plate, which are run ahead.
 """
 
 from __future__ import annotations
@@ -76,9 +79,10 @@ class Slew(NamedTuple):
 class Planned(NamedTuple):
     """What the plan is made of.
 
-    Desired flux at the ends of the horizon's steps, shape (steps,), and the temperatures [K] that the plate's face must
-    not pass then, shape (2, steps); response of the contact flux to each knot, and the knots' hat functions, both
-    (HATS, steps); the knots of the last plan, shape (HATS,), which change; and scratch space.
+    Desired flux [W/m2] at the ends of the horizon's steps, shape (steps,), and the temperatures [K] that the plate's
+    face must not pass then, shape (2, steps); response of the contact flux to each knot [1], and the knots' hat
+    functions [1], both (HATS, steps); the knots of the last plan [W/m2], shape (HATS,), which change; and scratch
+    space.
     """
 
     wanted: Any
@@ -145,7 +149,10 @@ def later(theta: Any) -> float:
 def respond(
     basis: Any, theta: Any, scale: float, hats: Any, above: Any, below: Any, response: Any, step_time: float
 ) -> None:
-    """Fill ``response`` (HATS, steps): the contact flux that each hat of the pumped flux would add."""
+    """Fill ``response`` (HATS, steps): the contact flux that each hat of the pumped flux would add [1].
+
+    ``hats`` (HATS, steps): the hat functions [1]; ``scale`` as in `observer.advance`; ``step_time``: of the plan [s].
+    """
     tissue, plate, joint = basis.tissue, basis.plate, joined(basis, theta, scale, 0.0)
     shift = later(theta) / step_time
     for hat in range(HATS):
@@ -184,7 +191,7 @@ def arrive(
     basis: Any, theta: Any, hot: float, scale: float, currents: Any, above: Any, below: Any, flux: float, back: float,
     spill: float, before: float, step_time: float,
 ) -> Any:  # fmt: skip
-    """Run the column ahead over the ``currents`` [A] on their way, one per step; return contact flux and plate's back.
+    """Run the column ahead over ``currents`` (steps,) [A] on their way; return contact flux and plate's back.
 
     These are in [W/m2] and [K]; ``spill`` is what air gives to the plate beside the finger [W/m2 of the plate],
     ``before`` the current [A] before the first one.

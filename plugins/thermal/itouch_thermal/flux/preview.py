@@ -1,4 +1,9 @@
-"""The desired flux of the time to come: the model finger on the virtual object, simulated ahead of real time."""
+"""The desired flux of the time to come: the model finger on the virtual object, simulated ahead of real time.
+
+In every function but `run_ahead`, ``ahead`` is a `PreviewState`, and ``finger`` (n,) and ``below`` (m,) are the modes
+[K] of finger and object with which it begins.  ``future`` and ``past`` (size,) are rings of the flux [W/m2], and
+``wanted`` (steps,) is the flux [W/m2] at ``offsets`` (steps,) in ticks from now, or a little later.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +56,10 @@ def run_ahead(
 ) -> None:
     """Step the contact ``count`` times; write the flux [W/m2] to the ring buffer ``out`` from index ``first`` on.
 
-    Index k is the end of step k of the touch; ``press`` is the time constant, in steps, of a resistance that is still
-    falling, 0 if it is not, and ``slid`` how many steps the finger had touched other objects before.
+    ``finger`` and ``body`` (k,) are packed models, with the units of `contact_heat.packing`; ``above`` (n,) and
+    ``below`` (m,) their modes [K]; ``out`` (size,) [W/m2].  Index k is the end of step k of the touch; ``press`` is the
+    time constant, in steps, of a resistance that is still falling, 0 if it is not, and ``slid`` how many steps the
+    finger had touched other objects before.
     """
     size = out.shape[0]
     for i in range(count):
@@ -65,8 +72,9 @@ def run_ahead(
 class PreviewState(NamedTuple):
     """A contact that runs ahead of the touch: finger and object, packed, their modes, and a ring buffer of the flux.
 
-    ``reached`` (1,): up to which tick of the touch it has come; ``slid`` (1,): for how many ticks the finger had
-    touched others when it slid to this object.
+    ``finger`` and ``body`` (k,) as in `contact_heat.packing`; ``above`` (n,) and ``below`` (m,): their modes [K];
+    ``future`` (size,): the flux [W/m2]; ``reached`` (1,): up to which tick of the touch it has come; ``slid`` (1,): for
+    how many ticks the finger had touched others when it slid to this object.
     """
 
     finger: Array

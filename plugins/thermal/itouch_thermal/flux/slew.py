@@ -22,9 +22,9 @@ LEAST = 0.1
 def rate(c: Any, theta: Any, current: float, back: float) -> float:
     """Return how fast the pumped flux may change [W/m2 per second] around a current [A]; 0: at any rate.
 
-    ``c`` (O_CONSTANTS,) and ``theta`` (p,) are the estimator's; ``back`` is the temperature [K] of the plate's back.
-    While heat is pumped into the plate, the flux changes faster with the current than at rest.  It counts as at rest:
-    so slowly it changes at the end of a way back to none.
+    ``c`` (O_CONSTANTS,) and ``theta`` (p,) are the estimator's, each number in its own unit; ``back`` is the
+    temperature [K] of the plate's back.  While heat is pumped into the plate, the flux changes faster with the current
+    than at rest.  It counts as at rest: so slowly it changes at the end of a way back to none.
     """
     change = pull = c[at.O_SEEBECK] * (1.0 + theta[at.SEEBECK]) * back
     change -= c[at.O_RESISTANCE] * (1.0 + theta[at.OHMIC]) * max(0.0, current)

@@ -16,10 +16,16 @@ Numbers = NDArray[np.int64]
 class Scene(NamedTuple):
     """Views of State fields that are not the modality's, scalars as (1,).
 
-    ``load`` is the wrench on the plate, ``skin`` and ``skin_valid`` are the skin's reading; (0,): it is not measured,
-    and so for all that a rig or scene does not have.  ``command`` is the current that is commanded; a driver that holds
-    a temperature is told that instead, and ``actual`` is the current that it reports.  ``guess`` is no State: the
-    temperature [K] of a skin that no sensor sees, NaN where only Python can tell it.
+    ``load`` (6,) is the wrench on the plate [N, N m], ``skin`` [K] and ``skin_valid`` are the skin's reading; (0,): it
+    is not measured, and so for all that a rig or scene does not have.  ``sent`` and ``command`` are the current [A]
+    that was sent last and that is commanded; a driver that holds a temperature is told that instead, and ``actual`` is
+    the current [A] that it reports.  ``guess`` is no State: the temperature [K] of a skin that no sensor sees, NaN
+    where only Python can tell it.
+
+    ``finger`` (n,) and ``bodies`` (objects, m) are the modes [K] of the modality `heat`, ``resistance`` [K m2/W] and
+    ``beside_part`` [1] its contact resistance and the share of the disc on a second object.  Forces are in [N], fluxes,
+    also ``heat_desired``, in [W/m2], temperatures in [K], ``tick`` and ``age`` in ticks; ``near_object``, ``below`` and
+    ``met`` are indices of objects, -1: none; ``ready`` and ``plate`` are 0 or 1.
     """
 
     tick: Numbers
@@ -51,7 +57,11 @@ class Scene(NamedTuple):
 
 
 class OwnFields(NamedTuple):
-    """Views of the modality's own State fields that all controllers have, scalars as (1,)."""
+    """Views of the modality's own State fields that all controllers have, scalars as (1,).
+
+    Each has the unit of the field of its name in `FluxControl.fields`.  ``covered`` (n,) are modes [K] of a finger at
+    rest, ``account`` (9,) and ``beside`` (7,) sums of the open contact in mixed units, see `onset` and `flux_error`.
+    """
 
     open: Numbers
     touching: Numbers
@@ -82,7 +92,12 @@ class OwnFields(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Views of the State fields of the controller `model` beside its law's, scalars as (1,)."""
+    """Views of the State fields of the controller `model` beside its law's, scalars as (1,).
+
+    ``tracked``, ``came`` and ``reached`` in ticks, ``force_before`` [N], ``scale_before`` [1], ``came_doubt`` [s],
+    ``acting`` [A]; ``preview_finger`` (n,) and ``preview_object`` (m,) are modes [K] of the contact that runs ahead,
+    and ``preview_index`` is the index of its object, -1: none.
+    """
 
     tracked: Numbers
     force_before: Floats
@@ -99,10 +114,11 @@ class Course(NamedTuple):
 class Given(NamedTuple):
     """Arrays that never change, for all controllers: what is known of each object, of finger and sensor.
 
-    Per object, ``known`` says whether its heat is, ``starts`` whether it has start temperatures, ``played`` whether it
-    plays a curve; ``start`` has its start temperatures [K] at three skin temperatures, and its own temperature [K].
-    The curves' ``times`` [s] and ``fluxes`` [W/m2] stand one after the other, those of an object in ``rows`` (n, 2).
-    ``cover`` is the tissue of a finger at rest, ``pad`` as in `observer.seen`.
+    Of n objects, ``known`` (n,) says whether its heat is, ``starts`` (n,) whether it has start temperatures, ``played``
+    (n,) whether it plays a curve; ``start`` (n, 4) has its start temperatures [K] at three skin temperatures, and its
+    own temperature [K]; ``bodies`` (n, m) are packed as `contact_heat.packing` says.  The curves' ``times`` [s] and
+    ``fluxes`` [W/m2] stand one after the other, those of an object in ``rows`` (n, 2), its begin and end.  ``cover``
+    (4, k) is the tissue of a finger at rest, see `display.column`, ``pad`` (4,) as in `observer.seen`.
     """
 
     bodies: Floats
@@ -120,9 +136,10 @@ class Given(NamedTuple):
 class Models(NamedTuple):
     """Arrays that never change, of the controller `model`: those of its law (``fixed``) and of its preview.
 
-    ``finger`` is the preview's, ``law`` that from force to contact resistance of the virtual objects, ``plate`` that of
-    the plate, ``into`` converts the model finger to the law's, and ``rise`` is the law's finger at rest per kelvin of
-    its skin.
+    ``finger`` (m,) is the preview's, packed as `contact_heat.packing` says; ``law`` (l,) are the numbers, in SI units,
+    of the law from force to contact resistance of the virtual objects, ``plate`` those of the plate; ``into`` (n, k)
+    converts the modes of the model finger to the law's [1], and ``rise`` (n,) is the law's finger at rest per kelvin of
+    its skin [1].
     """
 
     fixed: Fixed
@@ -182,10 +199,10 @@ class Figures(NamedTuple):
 class LawInputs(NamedTuple):
     """What has been found for the law, which is no State, each of shape (1,), and ``out`` of (3,).
 
-    ``scale`` is the contact resistance as a multiple of the expected one, ``press`` how strongly the finger is being
-    pressed on; ``unclear`` is 1 where the readings are ambiguous, because the finger hovers.  ``hold``, ``wait`` and
-    ``out`` are a `FutureCurrent`: what becomes of the current that is asked for.  ``alone`` is 1 while Python runs the
-    calls, and can do what is between them; ``passes`` is 1 if time is only to pass, see `flux_tick.track`.
+    ``scale`` [1] is the contact resistance as a multiple of the expected one, ``press`` [1] how strongly the finger is
+    being pressed on; ``unclear`` is 1 where the readings are ambiguous, because the finger hovers.  ``hold``, ``wait``
+    and ``out`` are a `FutureCurrent`: what becomes of the current that is asked for.  ``alone`` is 1 while Python runs
+    the calls, and can do what is between them; ``passes`` is 1 if time is only to pass, see `flux_tick.track`.
     """
 
     scale: Floats
