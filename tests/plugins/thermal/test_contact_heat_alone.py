@@ -6,6 +6,8 @@ import json
 import re
 import subprocess
 import sys
+import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -98,3 +100,20 @@ def test_a_layer_out_of_range_is_told(given: dict[str, float], said: str) -> Non
     values = {"conductivity": 0.4, "density": 1000.0, "specific_heat": 3500.0} | given
     with pytest.raises(ValueError, match=re.escape(said)):
         contact_heat.Layer(**values)
+
+
+def test_it_can_be_installed_alone_with_the_versions_that_the_program_allows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from hatchling.build import build_wheel
+
+    root = PACKAGE.parents[2]
+    own, whole = (tomllib.loads((at / "pyproject.toml").read_text(encoding="utf-8")) for at in (PACKAGE, root))
+    assert set(own["project"]["dependencies"]) < set(whole["project"]["dependencies"])
+    assert own["project"]["optional-dependencies"]["peers"] == whole["project"]["optional-dependencies"]["bench"]
+    for key in ("version", "requires-python", "license"):
+        assert own["project"][key] == whole["project"][key]
+    monkeypatch.chdir(PACKAGE)
+    with zipfile.ZipFile(tmp_path / build_wheel(str(tmp_path))) as wheel:
+        found = {Path(name).name for name in wheel.namelist() if name.startswith("contact_heat/")}
+    assert found == {path.name for path in PACKAGE.glob("*.py")} | {"README.md", "py.typed"}
