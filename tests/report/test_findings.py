@@ -225,6 +225,25 @@ def test_what_a_contact_was_not_stands_below_the_table(monkeypatch: pytest.Monke
     ]
 
 
+def test_how_long_a_run_takes_yet_is_told_once_its_rate_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimpleNamespace(now=100.0, simulated=0.0)
+    monkeypatch.setattr(screen, "_noted", lambda engine: ())
+    monkeypatch.setattr(screen, "is_terminal", lambda stream: True)
+    monkeypatch.setattr(screen.time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(screen.Screen, "_parts", lambda shown: shown._progress())
+    out = io.StringIO()
+    engine = SimpleNamespace(statistics=SimpleNamespace(contacts=[]))
+    shown = screen.Screen(engine, out, left=lambda: 200.0 - clock.simulated)
+    told = []
+    for clock.now, clock.simulated in ((100.0, 0.0), (100.9, 10.0), (101.0, 10.0), (108.0, 80.0), (300.0, 100.0),
+                                       (301.0, 199.9), (302.0, 200.2)):  # fmt: skip
+        out.seek(out.truncate(0))
+        shown.show()
+        told.append(out.getvalue().rsplit("\x1b[2K", 1)[-1].strip())
+    assert told == ["", "5%", "5%, about 19 s left", "40%, about 12 s left", "50%, about 3 min left",
+                    "99%, about 0 s left", "99%, about 0 s left"]  # fmt: skip
+
+
 def test_contacts_are_told_as_they_end_unless_only_results_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(screen, "_noted", lambda engine: ())
     entry = {"probe": "finger", "object": "pad", "material": "foam", "begin_s": 1.0, "end_s": 2.0}
