@@ -315,6 +315,14 @@ def runner(calls: Sequence[Call]) -> Callable[[], int]:
         chain = Chain(calls)
         chain.warm_up()
         return chain.run
+    return in_python(calls)
+
+
+def in_python(calls: Sequence[Call]) -> Callable[[], int]:
+    """Return a function that calls from Python what `runner` joins, and returns the same; each is compiled by itself.
+
+    That is for where functions cannot be joined.
+    """
 
     def run() -> int:
         for index, call in enumerate(calls):

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from itouch.loop.clock import WallClock
+from itouch.loop.engine import SAMPLED
 from itouch.plugin.commands import exit_code, judged
 from itouch.recording.chunking import ChunkBuilder
 from itouch.recording.ring import ControlWord, Ring, Shape
@@ -20,6 +22,7 @@ from itouch.recording.sink import Sink
 from itouch.recording.spec import Spec
 from itouch.recording.tracks import Column, Track
 from itouch.session import Session, build, restore
+from itouch.session.recorder import Recorder
 from itouch_tools.cli.arguments import Parser
 from itouch_tools.cli.output_files import output_file, write_output
 
@@ -81,34 +84,54 @@ def measure(scene: str) -> list[Figure]:
         session = build(scene)
         for _ in range(3000):
             session.tick()
-        tick, tap = _publishing(session, os.path.join(folder, "r.mcap"))
-        figures = [
-            Figure("a tick", tick * 1e6, "us", float("inf")),
-            Figure("publishing it to the recorder", tap * 1e6, "us", float("inf")),
-            Figure("publishing, part of a tick", 100 * tap / tick, "%", 2.0),
-        ]
+        figures = _publishing(session, os.path.join(folder, "r.mcap"))
         times = recording(os.path.join(folder, "s.mcap"))
         label = f"recording {CHANNELS} float64 channels at 1 kHz, times real time"
         figures.append(Figure(label, times, "x", 50.0, at_least=True))
         return figures + _saving(session, os.path.join(folder, "s.itouch"))
 
 
-def _publishing(session: Session, path: str) -> tuple[float, float]:
-    """Return how long a tick takes, and the recorder's part of it alone [s]."""
+def _publishing(session: Session, path: str) -> list[Figure]:
+    """Return how long a tick takes, and what its recorder takes besides, on the virtual clock and in real time.
+
+    There the recorder is called where the tick is counted, but for one tick in `SAMPLED`, when Python calls it.
+    """
     recorder = session.record(path)
-    session.taps.remove(recorder.tap)
-    ticks, taps, number = [], [], int(session.state["tick"])
+    publish, virtual = recorder.tap, session.clock
+    session.taps.remove(publish)
+
+    tick, stamps, times = session.ticks - 1, session.stamps.tolist(), session.times
+    ways = (lambda: times.add(stamps), lambda: times.add(stamps, publish.place), lambda: publish(tick))
+    ticks, rows, real_ticks = list[float](), list[float](), list[float]()
+    real_rows: tuple[list[float], ...] = ([], [], [])
     for _ in range(12):
         ticks.append(_each(session.tick, 500))
-        begin = time.perf_counter()
-        for _ in range(2000):
-            recorder.tap(number)
-            number += 1
-        taps.append((time.perf_counter() - begin) / 2000)
-        time.sleep(0.15)  # the writing process empties the ring
+        _await(recorder)
+        rows.append(_each(lambda: publish.repeat(2000), 1) / 2000)
+        session.clock = WallClock()
+        real_ticks.append(_each(session.tick, 500))
+        for work, took in zip(ways, real_rows, strict=True):
+            _await(recorder)
+            took.append(_each(work, 2000))
+        session.clock = virtual
+    without, within, alone = (min(took) for took in real_rows)
     session.close()
     session.enable()
-    return min(ticks), min(taps)
+    figures = []
+    in_real_time = ((SAMPLED - 1) * (within - without) + alone) / SAMPLED
+    for kind, whole, row in (("", min(ticks), min(rows)), (" in real time", min(real_ticks), in_real_time)):
+        figures += [
+            Figure(f"a tick{kind}", whole * 1e6, "us", float("inf")),
+            Figure(f"publishing it to the recorder{kind}", row * 1e6, "us", float("inf")),
+            Figure(f"publishing{kind}, part of a tick", 100 * row / whole, "%", 2.0),
+        ]
+    return figures
+
+
+def _await(recorder: Recorder) -> None:
+    """Wait until the writing process has emptied the ring: a full one takes no rows."""
+    while recorder.waiting:
+        time.sleep(0.01)
 
 
 def _each(work: Callable[[], object], count: int) -> float:

@@ -19,6 +19,7 @@ from itouch.faults import FOREVER, Injection, Kind
 from itouch.joining import runner as as_one_call
 from itouch.loop import builtins_guard
 from itouch.loop.clock import Clock, VirtualClock, now
+from itouch.loop.compiled_listener import CompiledListener
 from itouch.loop.device_runner import DeviceFaultError, Runner, Status
 from itouch.loop.engine_view import Notifications, tell
 from itouch.loop.events import Events
@@ -27,7 +28,7 @@ from itouch.loop.fingers import join_fingers
 from itouch.loop.moving_objects import Objects
 from itouch.loop.operator_commands import LatchedError, OperatorCommands
 from itouch.loop.pacing import Pacing, leave_out
-from itouch.loop.plan import PYTHON, STOPPED, Plan, advance, build
+from itouch.loop.plan import PYTHON, STOPPED, TOLD, Plan, advance, build
 from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.release import in_turn, raise_unless_failing, released
 from itouch.loop.run_statistics import RunStatistics
@@ -46,7 +47,7 @@ from itouch.world.bindings import blind
 from itouch.world.limits import HOLD
 
 #: On a virtual clock one tick in this many is timed step by step; in real time every tick is.
-_SAMPLED = 16
+SAMPLED = 16
 #: How often devices are told to be safe until that can be seen: a busy machine may not receive readings for a while.
 PARKINGS = 4
 _UNDER_WAY = (
@@ -126,6 +127,9 @@ class Engine:
         self.notes: tuple[str, ...] = ()
         #: Where the plan has stopped in a tick that compiled code began, and how many ticks that may run: (1,) each.
         self._left, self._most = np.zeros(1, np.int64), np.ones(1, np.int64)
+        #: The listener that such a tick calls, and where its chain stands; None, 0: Python calls all listeners.
+        self._joined: CompiledListener | None = None
+        self._listener = np.zeros(1, np.int64)
         self._advance = self._joined_tick()
         self.state["seed"] = seed
         self._reset(seed)
@@ -139,8 +143,8 @@ class Engine:
         chain = self.plan.whole
         if chain is None:
             return None
-        memory = (self.stamps, *self.times.views, self._left)
-        return as_one_call((Bound(advance, chain.place, self._most, self._tick, self._ready, _SAMPLED, *memory),))
+        memory = (self.stamps, *self.times.views, self._left, self._listener)
+        return as_one_call((Bound(advance, chain.place, self._most, self._tick, self._ready, SAMPLED, *memory),))
 
     def _reset(self, seed: int) -> None:
         self.state["objects.pose"] = self.model.poses
@@ -314,8 +318,8 @@ class Engine:
             self._ticking = False
 
     def advance(self, most: int) -> None:
-        """Advance by at least one servo period, and by up to ``most`` where nobody is told of each tick, as `tick`."""
-        if not self.taps:
+        """Advance by at least one servo period, and by up to ``most`` where Python is told of no tick, as `tick`."""
+        if not self.taps or (len(self.taps) == 1 and self._joined_listener is not None):
             self._most[0] = most
         try:
             self.tick()
@@ -328,23 +332,28 @@ class Engine:
         if self._unfinished:
             self._finish_stop()
         paced = self.clock.pace == "real"  # then every part of every tick is timed
-        found, failure = PYTHON, None
+        found, failure, joined = PYTHON, None, self._joined_listener if self.taps else None
         if not paced and self._advance is not None:
+            if joined is not self._joined:
+                self._joined = joined
+                self._listener[0] = 0 if joined is None else joined.place
             try:
                 found = self._advance()
             except Exception as error:  # a plugin's compiled function has raised it
                 found, failure = STOPPED, error
-        if found < 0:  # none of these ticks is one that is timed step by step
+        if found < 0 or found == TOLD:  # none of these ticks is one that is timed step by step
+            heard = joined
             if not self._ready:
+                heard = None
                 self._begin_when_ready()
             if self._events.making is not None:
                 self._go_on_with_entry(self._tick.item() - 1)
-            if self.taps:
-                self._tell(int(self._tick) - 1)
+            if self.taps and (found == TOLD or heard is None or len(self.taps) > 1):
+                self._tell(self._tick.item() - 1, heard, self._left.item() if found == TOLD else -1)
             return
         tick, ready, stamps = self._tick.item(), bool(self._ready), self.stamps
         stopped = found == STOPPED
-        timed = bool(self.plan.steps) and not stopped and (paced or not tick % _SAMPLED)
+        timed = bool(self.plan.steps) and not stopped and (paced or not tick % SAMPLED)
         if not stopped:
             stamps[0] = now()
         try:
@@ -356,9 +365,11 @@ class Engine:
                 self.plan.run_timed(tick, ready, stamps)
             else:
                 self.plan.run(tick, ready)
-            if not tick % _SAMPLED and builtins_guard.changed():
+            if not tick % SAMPLED and builtins_guard.changed():
                 raise changed_python(self.model, tick, builtins_guard.put_back())
-            self._end_tick(tick, ready, timed)
+            if not ready or not tick % SAMPLED or self._events.making is not None:
+                joined = None  # something is done before listeners hear of the tick
+            found = self._end_tick(tick, ready, timed, joined)
         except DeviceFaultError as raised:
             replaced = builtins_guard.put_back()  # before anything else: what follows is Python
             fault = before_touch_off(self.model, self.state, with_writer(self.model, self.state, raised))
@@ -374,9 +385,10 @@ class Engine:
             raise
         if self._events.making is not None:
             self._go_on_with_entry(tick)
-        if not tick % _SAMPLED:
+        if not tick % SAMPLED:
             self._look_round(tick)
-        self._tell(tick)
+        if self.taps:
+            self._tell(tick, joined if timed else None, found)
 
     def _look_round(self, tick: int) -> None:
         """Do what is not done in every tick: begin the entry of a contact that has ended, and check the twins.
@@ -405,28 +417,46 @@ class Engine:
                 self.make_safe(broken_off(self.model, tick, raised, replaced))
             raise
 
-    def _end_tick(self, tick: int, ready: bool, timed: bool) -> None:
-        """Count a tick whose steps are done, and the time that it took."""
+    def _end_tick(self, tick: int, ready: bool, timed: bool, joined: CompiledListener | None) -> int:
+        """Count a tick whose steps are done, and the time that it took.
+
+        Of a tick that is timed step by step a ``joined`` listener hears at once; return what it leaves, as `run_chain`.
+        """
         stamps = self.stamps
         if not ready:
             self._begin_when_ready()
         self._tick[...] = tick + 1
         if timed:
-            self.times.add(stamps)
-        else:
-            stamps[-1] = now()
-            self.times.add_whole(stamps[-1].item() - stamps[0].item())
+            return self.times.add(stamps, 0 if joined is None else joined.place)
+        stamps[-1] = now()
+        self.times.add_whole(stamps[-1].item() - stamps[0].item())
+        return -1
 
     def _begin_when_ready(self) -> None:
         """Let scripts begin with the next tick if every rig is calibrated."""
         if all(rig.ready for rig in self._rigs):
             self._ready[...] = 1
 
-    def _tell(self, tick: int) -> None:
-        """Call the taps; hardware is made safe if one raises, for the caller of ``tick`` may never call it again."""
+    @property
+    def _joined_listener(self) -> CompiledListener | None:
+        """The listener of ticks that compiled code tells of them, None: Python tells them all."""
+        for tap in self.taps:
+            if isinstance(tap, CompiledListener) and tap.place:
+                return tap
+        return None
+
+    def _tell(self, tick: int, heard: CompiledListener | None = None, left: int = -1) -> None:
+        """Call the taps; hardware is made safe if one raises, for the caller of ``tick`` may never call it again.
+
+        ``heard``: the one that has heard of the tick in compiled code, and what it has ``left`` to Python, as of
+        `run_chain`.
+        """
         try:
             for tap in self.taps:
-                tap(tick)
+                if tap is not heard:
+                    tap(tick)
+                elif left >= 0:
+                    heard.go_on(left, tick)
         except BaseException:
             self._park_hardware()
             raise
@@ -657,7 +687,7 @@ class Engine:
     def stop(self) -> None:
         """Ask the run that is under way to end after the current tick; may be called from a signal handler.
 
-        On a virtual clock, ticks of which nobody is told run up to 16 at once: it ends after these.
+        On a virtual clock, ticks of which none but a recorder is told run up to 16 at once: it ends after these.
         """
         self._pacing.stop()
 

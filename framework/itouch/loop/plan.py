@@ -34,8 +34,9 @@ from itouch.world import ModalityModel, Model
 
 Stamps = NDArray[np.float64]
 
-#: Codes for what is left to Python: the whole tick, or its rest from where the plan has stopped, which is in ``left``.
-PYTHON, STOPPED = 1, 2
+#: Codes for what is left to Python: the whole tick, or its rest from where the plan has stopped, which is in ``left``;
+#: or what its listener has left, likewise.
+PYTHON, STOPPED, TOLD = 1, 2, 3
 
 
 class PlanError(ItouchError):
@@ -330,7 +331,7 @@ def build(
 @kernel
 def advance(
     chain: int, most: Any, tick: Any, ready: Any, sampled: int, stamps: Any, told: Any, counts: Any, greatest: Any,
-    left: Any,
+    left: Any, listener: Any,
 ) -> int:  # fmt: skip
     """Run a plan's only chain, count the tick, record how long it took, and go on; scalars have shape (1,).
 
@@ -342,7 +343,7 @@ def advance(
         How many ticks are run at most.
     tick, ready
         Fields of State: the number of the tick, and whether the rig is calibrated; until it is, one tick is run, after
-        which Python looks whether it has become so.
+        which Python looks whether it has become so, and tells the listener.
     sampled
         One tick in this many is left to Python, which times its parts.
     stamps
@@ -350,12 +351,16 @@ def advance(
     told, counts, greatest
         The number of ticks timed, their histograms, and the greatest times; written.
     left
-        Where the plan has stopped, index and code as of `run_chain`, if a step has left something to Python; written.
+        Where the plan has stopped, index and code as of `run_chain`, if a step or the listener has left something to
+        Python; written.
+    listener
+        Address of what describes the chain that follows each tick (`CompiledListener.place`), 0: there is none.
 
     Returns
     -------
     int
-        0: the ticks are done; else PYTHON or STOPPED, and ``tick`` is the one that is left.
+        0: the ticks are done; else PYTHON or STOPPED, and ``tick`` is the one that is left; or TOLD, and the tick
+        before that one is done but for what its listener leaves to Python.
     """
     last, end = len(stamps) - 1, 0.0
     for k in range(most[0]):
@@ -374,4 +379,9 @@ def advance(
         count(counts, greatest, 1, end - begin)
         if ready[0] == 0:
             break
+        if listener[0] != 0:
+            found = run_chain(listener[0], 0)
+            if found >= 0:
+                left[0] = found
+                return TOLD
     return 0

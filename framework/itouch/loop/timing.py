@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.compiling import kernel
+from itouch.joining import run_chain
 from itouch.plugin import Field, Record
 
 #: Bins per octave, shortest duration [s] that is resolved, and the number of bins: they reach up to some 16 s.
@@ -109,12 +110,16 @@ _count_one = getattr(count, "py_func", count)
 
 
 @kernel
-def _count_tick(counts: Any, greatest: Any, stamps: Any, used: int) -> None:
-    """Count a tick in row 1, and its parts in the rows after it if the parts were stamped."""
+def _count_tick(counts: Any, greatest: Any, stamps: Any, used: int, listener: int) -> int:
+    """Count a tick in row 1, and its parts in the rows after it if the parts were stamped; then run a listener's chain.
+
+    Return what `run_chain` does; ``listener`` is the address of the chain, 0: there is none.
+    """
     count(counts, greatest, 1, stamps[used - 1] - stamps[0])
     if used == counts.shape[0] - 2:  # one more stamp than parts; lateness, the tick and the processor have rows, too
         for part in range(used - 1):
             count(counts, greatest, 2 + part, stamps[part + 1] - stamps[part])
+    return int(run_chain(listener, 0)) if listener != 0 else -1
 
 
 class Timing:
@@ -139,7 +144,9 @@ class Timing:
         self._counted, self._most = self._counts.data, self._greatest.data
         self._told = self.record["ticks"].reshape(1).data
         self._stamps = np.zeros(2 + len(self.parts))
-        _count_tick(self._counts.copy(), self._greatest.copy(), self._stamps, 2)  # compile now, not in the first tick
+        _count_tick(
+            self._counts.copy(), self._greatest.copy(), self._stamps, 2, 0
+        )  # compile now, not in the first tick
         self._ticks, self._overruns, self._skipped = (self.record[n] for n in ("ticks", "overruns", "skipped"))
         #: How late [s] the current tick began.
         self.late = 0.0
@@ -176,12 +183,17 @@ class Timing:
         self._told[0] += 1
         _count_one(self._counted, self._most, 1, seconds)
 
-    def add(self, stamps: Stamps) -> None:
-        """Note one tick; ``stamps`` (n,) [s] are taken at its start, after each part (or none) and at its end."""
+    def add(self, stamps: Stamps, listener: int = 0) -> int:
+        """Note one tick; ``stamps`` (n,) [s] are taken at its start, after each part (or none) and at its end.
+
+        In the same compiled call a listener hears of the tick (`CompiledListener.place`; 0: there is none); return what
+        it leaves to Python as `run_chain` does, -1 if nothing.
+        """
         self._told[0] += 1
         used = len(stamps)
         self._stamps[:used] = stamps
-        _count_tick(self._counts, self._greatest, self._stamps, used)
+        found: int = _count_tick(self._counts, self._greatest, self._stamps, used, listener)
+        return found
 
     def pace(
         self, late: float, period: float, stamps: Stamps, tick: int = 0, *, end: float | None = None,

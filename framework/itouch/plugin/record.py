@@ -59,11 +59,13 @@ class Record(dict[str, NDArray[Any]]):
     looks up some fifty of them.)
     """
 
-    __slots__ = ("__weakref__", "_buffer", "_bytes", "_numbers")
+    __slots__ = ("__weakref__", "_buffer", "_bytes", "_numbers", "_words")
 
     def __init__(self, dtype: np.dtype[Any], buffer: NDArray[np.uint8] | None = None) -> None:
+        self._words: NDArray[np.int64] | None = None
         if buffer is None:
-            buffer = np.zeros(dtype.itemsize, np.uint8)
+            self._words = np.zeros((dtype.itemsize + 7) // 8, np.int64)
+            buffer = self._words.view(np.uint8)[: dtype.itemsize]
         if buffer.shape != (dtype.itemsize,):
             raise ValueError(f"a buffer of {buffer.size} bytes cannot hold a record of {dtype.itemsize}")
         whole = buffer.view(dtype) if dtype.itemsize else np.zeros(1, dtype)
@@ -118,6 +120,19 @@ class Record(dict[str, NDArray[Any]]):
         if self._numbers is None:
             self._numbers = self.raw.view(np.float64)
         return self._numbers
+
+    @property
+    def words(self) -> NDArray[np.int64]:
+        """The memory as 64-bit words, shape (n,), of which the last may have bytes that belong to no field.
+
+        Raises
+        ------
+        ValueError
+            If the record is in the memory of another one.
+        """
+        if self._words is None:
+            raise ValueError("a record in the memory of another one has no words of its own")
+        return self._words
 
     def tobytes(self) -> bytes:
         """Return a copy of the memory: equal bytes are equal states."""

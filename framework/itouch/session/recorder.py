@@ -1,4 +1,4 @@
-"""The recorder's side in the loop: a tap that copies a row per tick into a ring, and the process that empties it."""
+"""The recorder's side in the loop: what copies a row per tick into a ring, and the process that empties it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop import DeviceFaultError
+from itouch.loop.compiled_listener import CompiledListener
 from itouch.loop.engine_view import Running
 from itouch.loop.timing import edges, percentile
-from itouch.plugin import Contact
+from itouch.plugin import Bound, Contact
 from itouch.recording import RecordingError
 from itouch.recording.chunking import MESSAGE, SPEC, STATE, message
 from itouch.recording.ring import ControlWord, Phase, Ring, Shape
@@ -27,7 +28,7 @@ from itouch.recording.tracks import SCENE, Track
 from itouch.scene import write
 from itouch.session.arrays import pack_bases
 from itouch.session.paths import without_folders
-from itouch.session.row_layout import Rows
+from itouch.session.row_layout import FULL, Rows, copy_row, count_row
 from itouch.session.snapshot import Snapshot
 from itouch.session.viewer_geometry import view_of
 from itouch.world.state import EVENTS
@@ -45,16 +46,12 @@ _PATIENCE = 3600.0
 #: How long [s] it waits for that process in all once the run has been asked to end.
 _ENOUGH = 10.0
 
-Tap = Callable[[int], None]
-#: For every row of the ring, pairs of where a piece of State goes to and where it comes from.
-Slots = list[tuple[tuple[memoryview, memoryview], ...]]
-
 
 class Continuation(NamedTuple):
-    """What a recorder needs to record another session into the same file: its rows, and where they go."""
+    """What a recorder needs to record another session into the same file: its rows, and what copies them."""
 
     rows: Rows
-    slots: Slots
+    tap: CompiledListener
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +81,6 @@ class Recorder:
         self.note_state("start")  # before the process runs: the head of the file holds it, wherever the file is cut
         self._process = self._start()
         self._period = session.model.period
-        self._events = int(session.state["events.count"])
         self._faults, self._lost = len(session.statistics.faults), 0
         self._counted = session.times.record["counts"][:2].copy()
         self._begun = int(session.state["tick"])
@@ -92,8 +88,9 @@ class Recorder:
         if self._ring.phase is Phase.FAILED:
             self._end()
             raise RecordingError(self._ring_text)
-        self._copied = self._slots(self._rows)
-        self.tap = self._make_tap()
+        #: How many events are in the file.
+        self._seen = session.state["events.count"].reshape(1).copy()
+        self.tap = self._tap(session, self._rows)
 
     def _spec(self) -> bytes:
         session, snapshot = self.session, self._asked.snapshot()
@@ -165,65 +162,62 @@ class Recorder:
         return int(self._ring.words[ControlWord.LOST])
 
     @property
+    def waiting(self) -> int:
+        """How many rows in the ring have not been written yet."""
+        return int(self._ring.words[ControlWord.ROWS_IN] - self._ring.words[ControlWord.ROWS_OUT])
+
+    @property
     def written(self) -> int:
         """How many bytes have been written to the file."""
         return int(self._ring.words[ControlWord.BYTES_WRITTEN])
 
-    def _slots(self, rows: Rows) -> Slots:
-        """Return, for every row of the ring, where each piece of State goes to and where it comes from."""
-        ring, shape = self._ring, self._ring.shape
-        return [
-            tuple((ring.rows[slot * shape.row + a : slot * shape.row + b], source) for source, a, b in rows.pieces)
-            for slot in range(shape.rows)
-        ]
+    def _tap(self, session: Running, rows: Rows) -> CompiledListener:
+        """Return what copies a row into the ring after each tick, and counts it: two calls, so that it is counted last.
 
-    def _make_tap(self) -> Tap:
-        """Return the function that copies a row; what it needs is bound to local names, for speed."""
-        ring, shape, slots = self._ring, self._ring.shape, self._copied
-        words, ticks, capacity, mask = ring.words, ring.ticks, shape.rows, shape.rows - 1
-        count, whole, look = int(words[ControlWord.ROWS_IN]), slice(None), self._look
-        room = int(words[ControlWord.ROWS_OUT]) + capacity
-        state_every, timing_every = (round(s / self._period) for s in (STATE_EVERY, TIMING_EVERY))
-        table: Any = self.session.state.dtype.fields
-        place = table["events.count"][1]
-        events, seen = self.session.state.raw.data[place : place + 8].cast("q"), self._events
+        A compiler may move what one function writes.
+        """
+        ring, state, shape = self._ring, session.state, self._ring.shape
+        words = np.frombuffer(ring.words, np.int64)
+        slots = np.frombuffer(ring.rows, np.int64).reshape(shape.rows, -1)
+        ticks, count = np.frombuffer(ring.ticks, np.int64), state["events.count"]
+        copied = Bound(copy_row, words, state.words, rows.pieces, slots)
+        counted = Bound(count_row, words, ticks, state["tick"], count, self._seen, _LOOK)
+        return CompiledListener((copied, counted), self._answer)
 
-        def tap(tick: int) -> None:
-            nonlocal count, room, seen
-            if count >= room:
-                room = words[1] + capacity
-                if count >= room:
-                    room = self._full(count)
-                    if count >= room:
-                        return
-            for target, source in slots[count & mask]:
-                target[whole] = source
-            ticks[count & mask] = tick
-            count += 1
-            words[0] = count
-            if events[0] != seen:
-                self._tell_events(seen, events[0])
-                seen = events[0]
-            if not tick % _LOOK:
-                look(tick, state_every, timing_every)
+    def _answer(self, found: int, tick: int) -> None:
+        """Do what copying a row has left to Python: wait for room, tell of events, and look round."""
+        if found == FULL:
+            if self._has_room():
+                self.tap(tick)
+            return
+        count, seen = int(self.session.state["events.count"]), self._seen.item()
+        if count != seen:
+            self._tell_events(seen, count)
+            self._seen[0] = count
+        if not tick % _LOOK:
+            self._look(tick)
 
-        return tap
-
-    def _full(self, count: int) -> int:
-        """Wait for room on the virtual clock; count the sample as lost if none comes.  Return how far rows may go."""
+    def _has_room(self) -> bool:
+        """Wait for room in the ring on the virtual clock; count the sample as lost if there is none."""
         words, capacity = self._ring.words, self._ring.shape.rows
+
+        def found() -> bool:
+            return words[ControlWord.ROWS_OUT] + capacity > words[ControlWord.ROWS_IN]
+
         if self.session.clock.pace != "real":
-            self._await(lambda: bool(words[ControlWord.ROWS_OUT] + capacity > count or self._over))
-        if words[ControlWord.ROWS_OUT] + capacity <= count:
+            self._await(lambda: found() or self._over)
+        if not found():
             words[ControlWord.LOST] += 1
-        return int(words[ControlWord.ROWS_OUT]) + capacity
+            return False
+        return True
 
     @property
     def _over(self) -> bool:
         return self._ring.phase in (Phase.FAILED, Phase.DONE)
 
-    def _look(self, tick: int, state_every: int, timing_every: int) -> None:
+    def _look(self, tick: int) -> None:
         """Do what is due from time to time: note State and timing, and check that the process lives."""
+        state_every, timing_every = (round(s / self._period) for s in (STATE_EVERY, TIMING_EVERY))
         self._tell_faults()
         if tick - self._begun >= state_every and tick // state_every != (tick - _LOOK) // state_every:
             self.note_state("every")
@@ -258,9 +252,9 @@ class Recorder:
         self._post(STATE, int(self.session.state["tick"]), reason, self.session.state.tobytes())
 
     def onwards(self, session: Running) -> Continuation:
-        """Return what is needed to go on with another scene: some tenths of a second of work, without side effects."""
+        """Return what is needed to go on with another scene; nothing changes by that."""
         rows = Rows(session.state, self.tracks, self._view.fields)
-        return Continuation(rows, self._slots(rows))
+        return Continuation(rows, self._tap(session, rows))
 
     def follow(self, session: Running, asked: SessionCalls, onwards: Continuation) -> None:
         """Go on with another scene under the same devices, whose State has the same fields; ``tap`` is then a new one.
@@ -269,10 +263,9 @@ class Recorder:
         """
         self._tell_faults()
         self.session, self._asked = session, asked
-        self._rows, self._copied = onwards
-        self._events, self._faults = int(session.state["events.count"]), len(session.statistics.faults)
+        self._rows, self.tap = onwards
+        self._seen[0], self._faults = session.state["events.count"], len(session.statistics.faults)
         self._counted = session.times.record["counts"][:2].copy()
-        self.tap = self._make_tap()
         self.note_state(SCENE)
 
     def hear(self, fault: DeviceFaultError) -> None:
@@ -285,10 +278,7 @@ class Recorder:
 
     def _note_timing(self, tick: int) -> None:
         """Record the loop's timing: percentiles of all ticks, and histograms of the ticks since the last note."""
-        times, waiting = (
-            self.session.times,
-            self._ring.words[ControlWord.ROWS_IN] - self._ring.words[ControlWord.ROWS_OUT],
-        )
+        times, waiting = self.session.times, self.waiting
         counts = times.record["counts"][1]
         greatest = float(times.record["greatest"][1])
         p50, p99 = (1e6 * (percentile(counts, percent, greatest) or 0.0) for percent in (50, 99))

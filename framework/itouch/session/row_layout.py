@@ -1,4 +1,4 @@
-"""The row that is recorded every tick: which fields of State, in which order, copied in as few calls as possible."""
+"""The row that is recorded every tick: which fields of State, in which order, and how they get into the ring."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import fnmatch
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from itouch.compiling import kernel
 from itouch.plugin import Field, Record
+from itouch.recording.ring import ControlWord
 from itouch.recording.tracks import KINDS, Column, Track
 from itouch.scene.elements.rates import CLOSE
 from itouch.world import Model, declared
@@ -17,10 +21,15 @@ _STATUS = ("status", "trip", "ramp", "age", "sequence", "clamped", "dropped")
 _INPUTS = ("hold", "ready")
 #: Fields that are recorded of each probe: enough to draw it, and to move a hand by it in another scene.
 _PROBE = ("hip", "force", "penetration", "object")
-#: Gaps of up to this many bytes between fields are copied along: another copy would cost more.
-_GAP = 512
+#: Pieces begin and end at multiples of this many bytes.
+_WORD = 8
 #: How many numbers a field may have to be recorded as a channel.
 _MOST = 4096
+
+#: Where the ring says how many rows have come, and have been taken.
+_IN, _OUT = int(ControlWord.ROWS_IN), int(ControlWord.ROWS_OUT)
+#: Codes for what is left to Python: no row was copied, as there is no room; or something is to be told or looked at.
+FULL, LOOK = 1, 2
 
 #: A wish for channels: patterns of names, and the rate [Hz].
 Wish = tuple[Sequence[str], float]
@@ -123,19 +132,71 @@ class Rows:
         ranges: list[list[int]] = []
         for field in fields:
             kind, offset = table[field][:2]
-            if ranges and offset - ranges[-1][1] <= _GAP:
-                ranges[-1][1] = max(ranges[-1][1], offset + kind.itemsize)
+            begin, end = offset // _WORD * _WORD, -(-(offset + kind.itemsize) // _WORD) * _WORD
+            if ranges and begin <= ranges[-1][1]:
+                ranges[-1][1] = max(ranges[-1][1], end)
             else:
-                ranges.append([offset, offset + kind.itemsize])
-        memory, self.places, at = memoryview(state.raw.data), {}, 0
-        #: Pieces of State, each with its begin and end in a row.
-        self.pieces: list[tuple[memoryview, int, int]] = []
+                ranges.append([begin, end])
+        self.places, at = {}, 0
+        pieces: list[tuple[int, int, int]] = []
         for begin, end in ranges:
-            self.pieces.append((memory[begin:end], at, at + end - begin))
+            pieces.append((begin // _WORD, end // _WORD, at // _WORD))
             for field in fields:
                 if begin <= table[field][1] < end:
                     self.places[field] = at + table[field][1] - begin
             at += end - begin
-        self.size = max(8, (at + 7) // 8 * 8)
+        #: Pieces of State, (n, 3): first word, the one after the last (of `Record.words`), and first word in the row.
+        self.pieces = np.array(pieces, np.int64).reshape(-1, 3)
+        #: Bytes of a row.
+        self.size = max(_WORD, at)
 
     places: dict[str, int]
+
+
+@kernel
+def copy_row(counters: Any, state: Any, pieces: Any, rows: Any) -> int:
+    """Copy pieces of State to the next row of the ring, and return 0; FULL: there is none.
+
+    Parameters
+    ----------
+    counters
+        The ring's control words, int64 (n,), see `ControlWord`.
+    state
+        State as 64-bit words, int64 (n,) (`Record.words`).
+    pieces
+        Int64 (n, 3): for each piece its first word, the one after its last, and its first word in the row.
+    rows
+        Int64 (m, k), m a power of two: the ring's rows; one is written.
+    """
+    count = counters[_IN]
+    if count - counters[_OUT] >= rows.shape[0]:
+        return FULL
+    row = np.uint64(count & (rows.shape[0] - 1))  # an index that may be negative costs a look at each word
+    for piece in range(pieces.shape[0]):
+        begin, at = np.uint64(pieces[piece, 0]), np.uint64(pieces[piece, 2])
+        for word in range(np.uint64(pieces[piece, 1]) - begin):
+            rows[row, at + word] = state[begin + word]
+    return 0
+
+
+@kernel
+def count_row(counters: Any, ticks: Any, tick: Any, events: Any, seen: Any, every: int) -> int:
+    """Add the copied row to the ring, and return 0, or LOOK if there are new events, or the tick is one to look round.
+
+    Parameters
+    ----------
+    counters
+        The ring's control words, int64 (n,); that of the rows that have come is written.
+    ticks
+        Int64 (m,): the tick of each row; one is written.
+    tick, events
+        Fields of State, (1,): the number of the next tick, and how many events there have been.
+    seen
+        How many events have been told, int64 (1,).
+    every
+        One tick in this many is one to look round.
+    """
+    over = tick[0] - 1
+    ticks[counters[_IN] & (ticks.shape[0] - 1)] = over
+    counters[_IN] += 1
+    return LOOK if events[0] != seen[0] or over % every == 0 else 0
