@@ -1,7 +1,7 @@
 """Compile kernels to come with the wheel: ``python .ci/compile_kernels.py [SCENE ...]``, all shipped scenes of twins.
 
 They go to ``framework/itouch/compiled``, for a kind of processor that is older than most (x86-64-v3).  Each scene runs
-in a process of its own for some simulated time, and once more as a later start, which finds its meshes built; whatever
+in a process of its own for some simulated time, recorded, and once more as a later start, which finds its meshes built; whatever
 it does not compile is compiled where it is used.
 """
 
@@ -20,6 +20,7 @@ SCENES = ("four_materials", "mesh", "texture_and_sound", "moving", "metamer", "t
 _RUN = """
 import sys, itouch
 session = itouch.build(sys.argv[1])
+session.record(sys.argv[3])
 session.enable()
 try:
     session.run(float(sys.argv[2]))
@@ -46,7 +47,7 @@ def main() -> int:
         }  # fmt: skip
         for seconds in ("12.0", "0.01"):
             for scene in chosen:
-                words = [sys.executable, "-c", _RUN, str(scene), seconds]
+                words = [sys.executable, "-c", _RUN, str(scene), seconds, os.path.join(kept, "recording.mcap")]
                 subprocess.run(words, env={**os.environ, **more}, check=True)
     FOLDER.chmod(0o755)
     print(f"{shipped.write_manifest(FOLDER)} compiled kernels in {FOLDER}")
