@@ -72,7 +72,11 @@ def test_the_rate_of_the_model_finger_hardly_changes_what_is_obtained(scenes: Pa
 
 @pytest.mark.parametrize(("servo", "heat"), [("4 kHz", ""), ("1 kHz", "50 Hz"), ("250 Hz", "")])
 def test_the_flux_error_counts_until_the_finger_lifts_at_every_rate(scenes: Path, servo: str, heat: str) -> None:
-    """Not after it, and all of it before, also where a slow loop lets the finger bounce on the plate."""
+    """Not after it, and all of it before, also where a slow loop lets the finger bounce on the plate.
+
+    Whether it came back in the last two ticks of the touch is known too late: a flux is read a tick after it flows, and
+    counts in the tick after that.
+    """
     display = Display(left="pyrex", servo=servo, rates=heat and f' heat="{heat}"', near="0.1 s", hold="0.6 s")
     engine = itouch.build(display.write(scenes), seed=4)
     found, begun = [], False
@@ -83,7 +87,8 @@ def test_the_flux_error_counts_until_the_finger_lifts_at_every_rate(scenes: Path
     (desired, obtained), entry = np.array(found).T, engine.report()["contacts"][0]
     times = np.arange(1, len(found) + 1) * engine.model.period - entry["begin_s"]
     counts = np.flatnonzero((times > 0.1) & (desired != 0.0))
-    counts = counts[counts <= np.flatnonzero(obtained)[-1]]
+    known = np.flatnonzero(obtained[: np.flatnonzero(desired)[-1] - 1])
+    counts = counts[counts <= known[-1]]
     error = (obtained - desired)[counts] / np.maximum(np.abs(desired[counts]), 50.0)
     assert entry["flux_error_rms"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.1)
 
