@@ -184,6 +184,13 @@ def run_chain(about: int, begin: int) -> int:
 
 
 @nogil_kernel
+def _run_one(entry: int, words: int) -> int:
+    """Run one call, by its entry and the address of its argument words; return what it returns."""
+    code: int = _call(entry, words)
+    return code
+
+
+@nogil_kernel
 def _run_timed(about: int, begin: int, stamps: Any, first: int) -> int:
     """Do what ``run_chain`` does, and write the host time [s] after step i to ``stamps[first + i]``."""
     chain = carray(_pointer(about), _ABOUT, int64)
@@ -316,6 +323,20 @@ def runner(calls: Sequence[Call]) -> Callable[[], int]:
         chain.warm_up()
         return chain.run
     return in_python(calls)
+
+
+def caller(call: Call) -> Callable[[], int]:
+    """Return a function that makes a call, in its joined form where that is possible, and returns what it returns."""
+    if not can_join() or not hasattr(call.function, "py_func"):
+        return partial(call.function, *call.arguments)
+    words, entry = np.array(_words(call.arguments), np.int64), _entry(call)
+    if _listed is not None:  # an entry that is only listed cannot be run
+        return lambda: 0
+    one: Any = _run_one
+    one.compile((int64, int64))  # or load it, not in the first call
+    run: Any = partial(one, entry, int(words.ctypes.data))
+    run.kept = words, call.arguments  # the memory of which compiled code knows the addresses
+    return run  # type: ignore[no-any-return]
 
 
 def in_python(calls: Sequence[Call]) -> Callable[[], int]:

@@ -54,28 +54,25 @@ class Bound:
         self._joined: Callable[[], int] | None = None
 
     def __call__(self) -> int:
-        """Call the function from Python, by itself."""
-        return self.function(*self.arguments)
-
-    def run(self) -> int:
         """Call the function from Python in its joined form, so that no other form of it has to be compiled.
 
-        The first call of a `Bound` costs more than an ordinary call, later ones cost less; see `join`.
+        The first call of a `Bound` costs more than the later ones; see `join`.
         """
-        found = (self._joined or self.join())()
-        return found & 0xFFFFFFFF if found >= 0 else 0
+        return (self._joined or self.join())()
+
+    run = __call__
 
     def join(self) -> Callable[[], int]:
-        """Make the joined form, which the first ``run`` would else do, and return it as the loop calls it."""
+        """Make the joined form, which the first call would else do, and return what calls it."""
         if self._joined is None:
-            from itouch.joining import runner
+            from itouch.joining import caller
 
-            self._joined = runner((Bound(self.function, *self.arguments),))  # not self: a reference cycle
+            self._joined = caller(self)
         return self._joined
 
     def warm_up(self) -> None:
         """Call the function on copies, so that it is compiled before the first tick."""
-        self.function(*(_copied(value) for value in self.arguments))
+        Bound(self.function, *(_copied(value) for value in self.arguments))()
 
 
 def bound_by(
