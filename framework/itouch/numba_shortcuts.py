@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Iterable
 from typing import Any
 
 from llvmlite import binding
 from numba.core import codegen, event, ir, targetconfig
 from numba.core.types import functions
+from numba.core.typing import templates
 from numba.np import linalg
 
 _linalg: Any = linalg
@@ -21,10 +23,15 @@ _events: Any = event
 _flags: Any = targetconfig.ConfigStack
 
 
+#: What a function inherits of how its caller is compiled, and the option by which it settles that itself.
+_INHERITED = {"nrt": "_nrt", "fastmath": "fastmath", "error_model": "error_model", "forceinline": "forceinline"}
+
+
 def take() -> None:
     """Take these ways in this process, from now on."""
     _compare_quickly(targetconfig.TargetConfig)
     _remember_calls(functions.BaseFunction)
+    _share_between_callers(templates._OverloadFunctionTemplate)
     _list_variables_by_type(ir.Inst)
     _optimize_what_has_a_body(codegen.CPUCodeLibrary)
     _tell_of_the_lock_who_listens()
@@ -58,14 +65,13 @@ def _remember_calls(kind: Any) -> None:
 
     Numba tries one template after the other for each call, each time that it goes through a function, and again when it
     writes its code; hardly one search in twenty finds something new.  It remembers as much itself of the functions that
-    templates are written as, by the same key; what failed is tried again.
+    templates are written as, by the same key but for what is not inherited; what failed is tried again.
     """
     search = kind.get_call_type
-    top = _flags.top_or_none
 
     def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
         known = self.__dict__.setdefault("_itouch_calls", {})
-        key = context, tuple(args), tuple(kws.items()) if kws else (), top()
+        key = context, tuple(args), tuple(kws.items()) if kws else (), _inherited(_INHERITED)
         if (found := known.get(key)) is None:
             signature = search(self, context, args, kws)
             known[key] = signature, self._impl_keys[signature.args]
@@ -75,6 +81,33 @@ def _remember_calls(kind: Any) -> None:
         return signature
 
     kind.get_call_type = get_call_type
+
+
+def _inherited(names: Iterable[str]) -> tuple[object, ...] | None:
+    """Return these of the options of the compilation that is under way, which what it calls may inherit; None: none is.
+
+    All others, as whether Python may call the function, or whether it lets go of the lock, are the caller's own.
+    """
+    top = _flags.top_or_none()
+    if top is None:
+        return None
+    return tuple([top.fastmath.encode() if name == "fastmath" else getattr(top, name) for name in names])
+
+
+def _share_between_callers(kind: Any) -> None:
+    """Compile a function that others call once for the same types and what it inherits, whoever calls it.
+
+    Numba compiles it anew for callers that differ in any option at all.
+    """
+
+    def _get_impl(self: Any, args: Any, kws: Any) -> Any:
+        free = [name for name, option in _INHERITED.items() if option not in self._jit_options]
+        key = self.context, tuple(args), tuple(kws.items()), _inherited(free)
+        if (found := self._impl_cache.get(key)) is None:
+            found = self._build_impl(key, args, kws)
+        return found
+
+    kind._get_impl = _get_impl
 
 
 #: What a value in a line of Numba's own language is, or holds.
