@@ -47,7 +47,8 @@ def main() -> int:
         }  # fmt: skip
         for seconds in ("12.0", "0.01"):
             for scene in chosen:
-                words = [sys.executable, "-c", _RUN, str(scene), seconds, os.path.join(kept, "recording.mcap")]
+                recorded = os.path.join(kept, "recording.mcap")
+                words = [sys.executable, "-c", _RUN, str(scene), seconds, recorded]
                 subprocess.run(words, env={**os.environ, **more}, check=True)
     FOLDER.chmod(0o755)
     print(f"{shipped.write_manifest(FOLDER)} compiled kernels in {FOLDER}")

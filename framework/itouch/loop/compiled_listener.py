@@ -18,8 +18,8 @@ class CompiledListener:
     Parameters
     ----------
     calls
-        Run one after the other.  Tick and what else they need of the State must be bound to them; ``tick`` is that of
-        the next tick, as a listener in Python finds it.
+        Run one after the other; they must not raise anything.  The tick and what else they need of the State must be
+        bound to them; ``tick`` is that of the next tick, as a listener in Python finds it.
     answer
         Called with the code of the call that has left something to Python, and the number of the tick that is over.
         The calls after that one are left out.

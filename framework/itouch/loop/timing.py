@@ -144,9 +144,8 @@ class Timing:
         self._counted, self._most = self._counts.data, self._greatest.data
         self._told = self.record["ticks"].reshape(1).data
         self._stamps = np.zeros(2 + len(self.parts))
-        _count_tick(
-            self._counts.copy(), self._greatest.copy(), self._stamps, 2, 0
-        )  # compile now, not in the first tick
+        # compile now, not in the first tick
+        _count_tick(self._counts.copy(), self._greatest.copy(), self._stamps, 2, 0)
         self._ticks, self._overruns, self._skipped = (self.record[n] for n in ("ticks", "overruns", "skipped"))
         #: How late [s] the current tick began.
         self.late = 0.0
