@@ -1,8 +1,8 @@
 """Compile kernels to come with the wheel: ``python .ci/compile_kernels.py [SCENE ...]``, all shipped scenes of twins.
 
 They go to ``framework/itouch/compiled``, for a kind of processor that is older than most (x86-64-v3).  Each scene runs
-in a process of its own for some simulated time, recorded, and once more as a later start, which finds its meshes built; whatever
-it does not compile is compiled where it is used.
+in a process of its own for some simulated time, recorded, and once more as a later start, which finds its meshes built;
+whatever it does not compile is compiled where it is used.
 """
 
 from __future__ import annotations
