@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 import itouch
 from itouch.schema.durable import GONE
 from itouch.servo import sessions
+from itouch.session.recorder import ROWS
 from itouch_tools.report.screen import _fault
 from itouch_tools.viewer.fault_messages import outcome, told, what
 
@@ -48,6 +50,66 @@ def test_a_killed_recorder_is_told_within_a_second_of_the_session(scene: Path) -
     session.run(0.5)
     session.close()
     assert len(heard) == 1
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system stops no processes")
+@pytest.mark.parametrize("ends", [False, True])
+def test_a_recorder_that_dies_while_its_ring_is_full_is_told(scene: Path, ends: bool) -> None:
+    """A simulated run fills the ring faster than it is written; with no row to copy, nothing looked at the process."""
+    policy = "stop" if ends else "go-on"
+    scene.write_text(SCENE.format(record=f'<record to="x.mcap" on-failure="{policy}"/>'), encoding="utf-8")
+    session, heard = itouch.build(scene), list[dict[str, Any]]()
+    session.loss_hooks.append(heard.append)
+    recorder = session.record(scene.parent / "r.mcap")
+
+    def kill() -> None:
+        while recorder.waiting < ROWS:
+            time.sleep(0.01)
+        os.kill(recorder.process_id, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    os.kill(recorder.process_id, signal.SIGSTOP)
+    killer.start()
+    session.run(10.0)
+    killer.join()
+    assert [(loss["trip"], loss["ends"]) for loss in heard] == [("recording", ends)]
+    assert "the writing process died" in heard[0]["cause"]
+    assert ROWS <= heard[0]["tick"] <= ROWS + 1
+    assert session.ticks == (heard[0]["tick"] if ends else 10000)
+    session.close()
+    assert len(heard) == 1
+
+
+def test_a_recorder_that_has_died_since_the_loop_last_looked_is_told_at_the_end(scene: Path) -> None:
+    session, heard = itouch.build(scene), list[dict[str, Any]]()
+    session.loss_hooks.append(heard.append)
+    session.record(scene.parent / "r.mcap")
+    session.run(0.5)
+    _kill(session)  # which asks for its return code
+    with pytest.raises(itouch.RecordingError, match="the writing process died"):
+        session.end_recording()
+    assert [loss["trip"] for loss in heard] == ["recording"]
+    session.close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system stops no processes")
+def test_in_real_time_samples_that_are_lost_are_told_while_the_process_hangs(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("itouch.session.recorder.ROWS", 64)
+    session, heard = itouch.build(scene), list[dict[str, Any]]()
+    session.loss_hooks.append(heard.append)
+    recorder = session.record(scene.parent / "r.mcap")
+    session.clock = itouch.WallClock()
+    os.kill(recorder.process_id, signal.SIGSTOP)
+    try:
+        for _ in range(300):
+            session.tick()
+    finally:
+        os.kill(recorder.process_id, signal.SIGCONT)
+    assert [loss["tick"] <= 129 for loss in heard] == [True]
+    assert "samples are lost" in heard[0]["cause"]
+    session.close()
 
 
 def test_a_scene_chooses_to_end_the_session(scene: Path) -> None:

@@ -189,6 +189,8 @@ class Recorder:
         if found == FULL:
             if self._has_room():
                 self.tap(tick)
+            elif self._over or not tick % _LOOK:  # nothing more is copied, so that nothing else asks for a look
+                self._look(tick)
             return
         count, seen = int(self.session.state["events.count"]), self._seen.item()
         if count != seen:
@@ -216,7 +218,10 @@ class Recorder:
         return self._ring.phase in (Phase.FAILED, Phase.DONE)
 
     def _look(self, tick: int) -> None:
-        """Do what is due from time to time: note State and timing, and check that the process lives."""
+        """Do what is due from time to time: check that the process lives, and note State and timing."""
+        if self._ring.phase is Phase.FAILED or self._process.poll() is not None:
+            self._fail()
+            return
         state_every, timing_every = (round(s / self._period) for s in (STATE_EVERY, TIMING_EVERY))
         self._tell_faults()
         if tick - self._begun >= state_every and tick // state_every != (tick - _LOOK) // state_every:
@@ -227,8 +232,6 @@ class Recorder:
             self._lost = self.lost
             said = f"samples are lost: the process that writes '{self.path}' is too slow, or hangs"
             self._asked.lost("recording", said)
-        if self._ring.phase is Phase.FAILED or self._process.poll() is not None:
-            self._fail()
 
     def _fail(self) -> None:
         self._wait(lambda: False, 0.01)
@@ -325,7 +328,7 @@ class Recorder:
         RecordingError
             If it could not be finished.
         """
-        if self.failure or self._process.returncode is not None:
+        if self.failure:  # which has been told
             self._end()
             return
         self._tell_faults()
