@@ -45,6 +45,8 @@ _COUNT, _ENTRIES, _WORDS, _ENDS, _STEPS, _CLOCK, _MEMORY, _CALLED, _ABOUT = rang
 _KINDS = (
     np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint64, np.uint32, np.uint16, np.uint8,
 )  # fmt: skip
+#: What a single number that is bound may be: one with a fraction, and one without.
+_REAL, _WHOLE = (float, np.floating), (int, np.integer, np.bool_)
 #: The compiled entries of this process, by function, body and the named tuples in the body.
 _made: dict[tuple[Any, ...], Any] = {}
 #: Their addresses, by function and kinds of arguments: a session has dozens of them, and a sweep ten thousand sessions.
@@ -439,11 +441,21 @@ def _words(arguments: Sequence[Any]) -> list[int]:
             words += _words(argument)
         elif argument is None:
             continue
-        elif isinstance(argument, float):
+        elif isinstance(argument, _REAL):
             words.append(int(np.float64(argument).view(np.int64)))
         else:
-            words.append(int(argument))
+            words.append(_whole(argument))
     return words
+
+
+def _whole(argument: Any) -> int:
+    """Return a whole number, for which a word must have room; anything else would arrive as another value."""
+    if not isinstance(argument, _WHOLE):
+        raise TypeError(f"{argument!r:.60} is bound, which is neither a number, nor an array or a tuple of them")
+    number = int(argument)
+    if not -(1 << 63) <= number < 1 << 63:
+        raise ValueError(f"{number} is bound, which has more than 64 bits with its sign")
+    return number
 
 
 def _entry(call: Call) -> int:
@@ -522,9 +534,9 @@ class _Writer:
             self.count += argument.ndim
             self.lines.append(f"a{first} = {self._maker(argument)}(words, {first})")
             return f"a{first}"
-        if isinstance(argument, bool):
+        if isinstance(argument, bool | np.bool_):
             return f"(integer(words, {first}) != 0)"
-        if isinstance(argument, float):
+        if isinstance(argument, _REAL):
             return f"real(words, {first})"
         return f"integer(words, {first})"
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from requirements import meant
 
 from itouch.compiling import kernel, part_of_its_caller
-from itouch.joining import _KINDS, Chain, can_join, runner
+from itouch.joining import _KINDS, Chain, can_join, prepare, runner
 from itouch.plugin import Bound
 
 Floats = NDArray[np.float64]
@@ -159,6 +159,32 @@ def test_arrays_of_every_kind_and_shape_arrive_as_they_are(kind: type) -> None:
 def test_an_array_that_no_kernel_can_be_given_is_refused(kind: Any) -> None:
     with pytest.raises(ValueError, match="an array that is bound is of one of float64, .* not of "):
         Chain([Bound(_weigh, np.zeros(1), np.zeros(3, kind), np.zeros((1, 1, 1)), (), None)])
+
+
+@kernel
+def _keep(out: Any, number: Any, pair: Any) -> int:
+    out[0], out[1] = number, pair[0]
+    return 0
+
+
+@pytest.mark.parametrize(
+    "number", [0.5, True, -3, *(kind(2.5) for kind in _KINDS), np.float16(0.5), np.longdouble(0.5), np.bool_(True)]
+)
+def test_a_number_of_every_kind_arrives_as_it_is(number: Any) -> None:
+    """A float32 lost its fraction: 0.5 arrived as 0."""
+    joined, called = np.zeros(2), np.zeros(2)
+    Chain([Bound(_keep, joined, number, (number,))]).run()
+    assert Bound(_keep, called, number, (number,))() == 0
+    assert joined.tolist() == called.tolist() == [float(number)] * 2
+
+
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [("12", "'12' is bound, which is neither a number"), (b"1", "neither"), (1 + 2j, "neither"), (2**63, "64 bits")],
+)
+def test_what_is_no_number_of_a_word_is_refused(number: Any, why: str) -> None:
+    with pytest.raises(ValueError, match=f"'_keep' can't be called with what is bound to it: .*{why}"):
+        prepare(Bound(_keep, np.zeros(2), number, (1,)))
 
 
 def test_the_stamps_are_of_the_clock_that_python_reads() -> None:
