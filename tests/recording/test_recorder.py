@@ -417,6 +417,35 @@ def test_a_run_that_is_asked_to_end_does_not_wait_for_a_writing_process_that_han
     assert session.seconds < 100.0
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system stops no processes")
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c_while_the_loop_waits_for_room_loses_no_tick(
+    presses: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A notebook raises it in the midst of the wait, in which a fast simulation spends most of its time."""
+    session, waits = itouch.build(SCENES / "first_touch.xml"), list[float]()
+    recording = session.record(tmp_path / "r.mcap")
+
+    def wait(seconds: float) -> None:
+        waits.append(seconds)
+        if len(waits) <= presses:
+            raise KeyboardInterrupt
+        os.kill(recording.process_id, signal.SIGCONT)
+        time.sleep(seconds)
+
+    monkeypatch.setattr(recorder, "time", SimpleNamespace(sleep=wait, monotonic=time.monotonic))
+    os.kill(recording.process_id, signal.SIGSTOP)
+    with pytest.raises(KeyboardInterrupt):
+        session.run(20.0)
+    assert session.ticks == recorder.ROWS + 1
+    session.run(1.0)
+    session.close()
+    lost = presses - 1  # somebody who presses it again wants no more to be waited for
+    read = itouch.read(tmp_path / "r.mcap")
+    assert len(waits) > presses and recording.lost == lost
+    assert np.array_equal(read.ticks, np.delete(np.arange(session.ticks), recorder.ROWS if lost else []))
+
+
 def test_a_report_that_is_larger_than_the_ring_is_left_out_of_the_recording(tmp_path: Path) -> None:
     session = itouch.build(SCENES / "first_touch.xml")
     fault = {"device": "arm", "tick": 0, "time_s": 0.0, "trip": "not-a-number", "cause": "x" * 1000, "scene": None}

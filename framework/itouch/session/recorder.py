@@ -135,8 +135,17 @@ class Recorder:
     def _await(self, done: Callable[[], bool]) -> bool:
         """Wait, on the virtual clock, until the writing process has made room; tell whether it has.
 
-        It may hang, as with its disk: somebody who ends the run (Ctrl-C) waits for it only for ``_ENOUGH``.
+        It may hang, as with its disk: somebody who ends the run waits for it only for ``_ENOUGH``.  Ctrl-C is raised
+        after that, for what is to be written comes from a tick that is over; at the second time it is raised at once.
         """
+        try:
+            return self._await_it(done)
+        except KeyboardInterrupt:
+            self._ended = time.monotonic()
+            self._await_it(done)
+            raise
+
+    def _await_it(self, done: Callable[[], bool]) -> bool:
         found = False
 
         def over() -> bool:
@@ -187,10 +196,10 @@ class Recorder:
     def _answer(self, found: int, tick: int) -> None:
         """Do what copying a row has left to Python: wait for room, tell of events, and look round."""
         if found == FULL:
-            if self._has_room():
-                self.tap(tick)
-            elif self._over or not tick % _LOOK:  # nothing more is copied, so that nothing else asks for a look
-                self._look(tick)
+            try:
+                self._wait_for_room()
+            finally:  # after Ctrl-C, too: its tick is over, and no tick is to be missing
+                self._go_on(tick)
             return
         count, seen = int(self.session.state["events.count"]), self._seen.item()
         if count != seen:
@@ -199,19 +208,23 @@ class Recorder:
         if not tick % _LOOK:
             self._look(tick)
 
-    def _has_room(self) -> bool:
-        """Wait for room in the ring on the virtual clock; count the sample as lost if there is none."""
-        words, capacity = self._ring.words, self._ring.shape.rows
+    @property
+    def _room(self) -> bool:
+        return self._ring.words[ControlWord.ROWS_OUT] + self._ring.shape.rows > self._ring.words[ControlWord.ROWS_IN]
 
-        def found() -> bool:
-            return words[ControlWord.ROWS_OUT] + capacity > words[ControlWord.ROWS_IN]
-
+    def _wait_for_room(self) -> None:
+        """Wait for room in the ring, on the virtual clock."""
         if self.session.clock.pace != "real":
-            self._await(lambda: found() or self._over)
-        if not found():
-            words[ControlWord.LOST] += 1
-            return False
-        return True
+            self._await(lambda: self._room or self._over)
+
+    def _go_on(self, tick: int) -> None:
+        """Copy the row for which there was no room; count it as lost if there is still none."""
+        if self._room:
+            self.tap(tick)
+            return
+        self._ring.words[ControlWord.LOST] += 1
+        if self._over or not tick % _LOOK:  # nothing more is copied, so that nothing else asks for a look
+            self._look(tick)
 
     @property
     def _over(self) -> bool:
