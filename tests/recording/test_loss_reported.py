@@ -112,6 +112,19 @@ def test_in_real_time_samples_that_are_lost_are_told_while_the_process_hangs(
     session.close()
 
 
+def test_who_listens_beside_a_recorder_that_fails_hears_of_every_tick(scene: Path) -> None:
+    session, heard, after = itouch.build(scene), list[int](), list[int]()
+    session.taps.append(heard.append)
+    session.record(scene.parent / "r.mcap")
+    session.taps.append(after.append)
+    session.run(0.2)
+    _kill(session)
+    session.run(0.2)
+    assert len(session.taps) == 2
+    assert heard == after == list(range(400))
+    session.close()
+
+
 def test_a_scene_chooses_to_end_the_session(scene: Path) -> None:
     scene.write_text(SCENE.format(record='<record to="x.mcap" on-failure="stop"/>'), encoding="utf-8")
     session = itouch.build(scene)

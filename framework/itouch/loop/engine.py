@@ -451,12 +451,16 @@ class Engine:
         ``heard``: the one that has heard of the tick in compiled code, and what it has ``left`` to Python, as of
         `run_chain`.
         """
+        taps, at = self.taps, 0
         try:
-            for tap in self.taps:
+            while at < len(taps):
+                tap = taps[at]
                 if tap is not heard:
                     tap(tick)
                 elif left >= 0:
                     heard.go_on(left, tick)
+                if at < len(taps) and taps[at] is tap:  # else it has left, as a recorder that fails
+                    at += 1
         except BaseException:
             self._park_hardware()
             raise
