@@ -328,10 +328,17 @@ def runner(calls: Sequence[Call]) -> Callable[[], int]:
 
 
 def caller(call: Call) -> Callable[[], int]:
-    """Return a function that makes a call, in its joined form where that is possible, and returns what it returns."""
+    """Return a function that makes a call, in its joined form where that is possible, and returns what it returns.
+
+    Raises
+    ------
+    ValueError
+        As of `prepare`.
+    """
     if not can_join() or not hasattr(call.function, "py_func"):
         return partial(call.function, *call.arguments)
-    words, entry = np.array(_words(call.arguments), np.int64), _entry(call)
+    numbers, entry = _words_and_entry(call)
+    words = np.array(numbers, np.int64)
     if _listed is not None:  # an entry that is only listed cannot be run
         return lambda: 0
     one: Any = _run_one
@@ -397,18 +404,38 @@ def prepare(call: Call) -> None:
     """
     if not can_join():
         return
-    name = getattr(call.function, "__name__", repr(call.function))
     if not hasattr(call.function, "py_func"):
-        raise ValueError(f"'{name}' is bound, which is not compiled: write @kernel above it")
+        raise ValueError(f"'{_name(call)}' is bound, which is not compiled: write @kernel above it")
+    _words_and_entry(call)
+
+
+def _words_and_entry(call: Call) -> tuple[list[int], int]:
+    """Return the argument words of a call, and its entry.
+
+    Raises
+    ------
+    ValueError
+        If the function cannot be compiled for these arguments, or one of these cannot be bound.
+    """
     try:
-        _words(call.arguments)
-        _entry(call)
+        return _words(call.arguments), _entry(call)
     except numba.core.errors.NumbaError as error:
-        lines = [line.strip() for line in str(error).splitlines()[1:]]
-        why = next((line for line in lines if line), str(error))
-        raise ValueError(f"'{name}' can't be compiled for what is bound to it: {why[:300]}") from error
+        why = _why(str(error))
+        raise ValueError(f"'{_name(call)}' can't be compiled for what is bound to it: {why}") from error
     except (TypeError, ValueError) as error:
-        raise ValueError(f"'{name}' can't be called with what is bound to it: {error}") from error
+        raise ValueError(f"'{_name(call)}' can't be called with what is bound to it: {error}") from error
+
+
+def _name(call: Call) -> str:
+    return getattr(call.function, "__name__", repr(call.function))
+
+
+def _why(text: str) -> str:
+    """Return what Numba says against a function, in one line."""
+    if "Function(int64)" in text and "(none)" in text:  # its result is made an int64
+        return "it returns nothing, where 0 or another number is wanted"
+    lines = [line.strip() for line in text.splitlines()[1:]]
+    return next((line for line in lines if line), text)[:300]
 
 
 def is_newest(cls: type, joined: str, alone: str) -> bool:

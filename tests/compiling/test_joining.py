@@ -187,6 +187,30 @@ def test_what_is_no_number_of_a_word_is_refused(number: Any, why: str) -> None:
         prepare(Bound(_keep, np.zeros(2), number, (1,)))
 
 
+@kernel
+def _returns_nothing(out: Any) -> None:
+    out[0] += 1.0
+
+
+@kernel
+def _asks_for_what_is_not_there(out: Any) -> int:
+    return out.there  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("function", "why"),
+    [
+        (_returns_nothing, "'_returns_nothing' can't be compiled .*: it returns nothing, where 0 or another number is"),
+        (_asks_for_what_is_not_there, "'_asks_for_what_is_not_there' can't be compiled .*: Unknown attribute 'there'"),
+    ],
+)
+def test_what_cannot_be_compiled_is_told_in_a_sentence_whoever_calls_it(function: Any, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        prepare(Bound(function, np.zeros(1)))
+    with pytest.raises(ValueError, match=why):
+        Bound(function, np.zeros(1))()
+
+
 def test_the_stamps_are_of_the_clock_that_python_reads() -> None:
     calls = _calls(np.zeros(1), np.ones((2, 3)), np.inf)
     chain, stamps = Chain(calls), np.zeros(len(calls) + 1)
