@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -444,6 +446,21 @@ def test_ctrl_c_while_the_loop_waits_for_room_loses_no_tick(
     read = itouch.read(tmp_path / "r.mcap")
     assert len(waits) > presses and recording.lost == lost
     assert np.array_equal(read.ticks, np.delete(np.arange(session.ticks), recorder.ROWS if lost else []))
+
+
+def test_a_recording_that_has_ended_leaves_nothing_for_a_garbage_collection(tmp_path: Path) -> None:
+    """In real time there is none while a session runs: each recording kept its ring, 6 MB, and a file descriptor."""
+    session, enabled = itouch.build(SCENES / "first_touch.xml"), gc.isenabled()
+    gc.disable()
+    try:
+        recording = ref(session.record(tmp_path / "r.mcap"))
+        session.run(0.5)
+        session.end_recording()
+        assert recording() is None
+    finally:
+        if enabled:
+            gc.enable()
+    session.close()
 
 
 def test_a_report_that_is_larger_than_the_ring_is_left_out_of_the_recording(tmp_path: Path) -> None:

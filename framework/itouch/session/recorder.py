@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakMethod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,7 +192,13 @@ class Recorder:
         ticks, count = np.frombuffer(ring.ticks, np.int64), state["events.count"]
         copied = Bound(copy_row, words, state.words, rows.pieces, slots)
         counted = Bound(count_row, words, ticks, state["tick"], count, self._seen, _LOOK)
-        return CompiledListener((copied, counted), self._answer)
+        answer = WeakMethod(self._answer)  # else the two held each other, and the ring, until a garbage collection
+
+        def told(found: int, tick: int) -> None:
+            if (method := answer()) is not None:
+                method(found, tick)
+
+        return CompiledListener((copied, counted), told)
 
     def _answer(self, found: int, tick: int) -> None:
         """Do what copying a row has left to Python: wait for room, tell of events, and look round."""
