@@ -91,9 +91,12 @@ class _UnderWay(event.Listener):
         gc_policy.begin_rare_collections()
 
     def on_end(self, event: Any) -> None:
-        """Forget it, also when compiling has failed."""
+        """Forget it, also when compiling has failed: then nobody is to wait for it, this process either."""
         gc_policy.end_rare_collections()
         self.functions.pop()
+        failed = event._exc_details is not None  # what Numba calls ``is_failed`` is the contrary
+        if failed and isinstance(found := getattr(event.data["dispatcher"], "_cache", None), KernelCache):
+            found.release()
 
 
 _under_way = _UnderWay()
@@ -493,6 +496,11 @@ class KernelCache(FunctionCache):
         self._claims[str(sig)] = claim
         os.write(claim, _called(self._py_func).encode())  # for who shows how far it is
         return None
+
+    def release(self) -> None:
+        """Release the claims of what this process could not compile."""
+        while self._claims:
+            os.close(self._claims.popitem()[1])
 
     def _forget(self) -> None:
         """Remove the list of the function's cached kernels; it is written anew with the next kernel."""

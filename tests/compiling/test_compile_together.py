@@ -6,6 +6,15 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import pytest
+from numba.core.errors import TypingError
+from requirements import meant
+
+from itouch import compiling
+from itouch.compiling import compile_together, kernel
+from itouch.joining import can_join
 
 KERNELS = """
 import os, signal, sys
@@ -154,3 +163,26 @@ def test_a_suspended_process_is_waited_for_once(tmp_path: Path) -> None:
     finally:
         stopped.kill()
         stopped.communicate()
+
+
+@pytest.mark.skipif(not can_join(), reason=meant("kernels run as Python here"))
+def test_nobody_waits_for_a_kernel_that_could_not_be_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its claim was kept, and who tried it once more, the same process too, waited for two minutes."""
+
+    @kernel
+    def wrong(x: Any) -> Any:
+        return x.there
+
+    monkeypatch.setattr(compiling, "_LONGEST", 0.3)
+    before = compiling._together
+    compile_together(tmp_path)
+    try:
+        for _ in range(2):
+            with pytest.raises(TypingError):
+                wrong(1.0)
+        assert compiling._patient  # it has not waited in vain
+        (claim,) = tmp_path.iterdir()
+        with claim.open("r+b") as file:
+            assert compiling._locks(file.fileno())
+    finally:
+        compile_together(before)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import time
 from pathlib import Path
 
@@ -19,8 +21,11 @@ def test_a_folder_that_goes_is_a_fault_and_the_session_runs_on(tmp_path: Path) -
         deadline = time.monotonic() + 300.0  # a thread writes it
         while not (folder / "s.itouch").exists() and time.monotonic() < deadline:
             time.sleep(0.01)
-        folder.rename(tmp_path / "gone")  # at once: the thread may be writing the next one
-        folder.write_text("no folder any more")
+        for number in itertools.count():  # the thread may be writing the next one, and make the folder anew
+            folder.rename(tmp_path / f"gone {number}")
+            with contextlib.suppress(IsADirectoryError):
+                folder.write_text("no folder any more")
+                break
         session.run(0.5)
     assert session.ticks == 750
     *gone, fault = session.report()["faults"]
