@@ -16,6 +16,7 @@ import numpy as np
 from itouch.loop.clock import WallClock
 from itouch.loop.engine import SAMPLED
 from itouch.plugin.commands import exit_code, judged
+from itouch.recording import RecordingError
 from itouch.recording.chunking import ChunkBuilder
 from itouch.recording.ring import ControlWord, Ring, Shape
 from itouch.recording.sink import Sink
@@ -129,8 +130,17 @@ def _publishing(session: Session, path: str) -> list[Figure]:
 
 
 def _await(recorder: Recorder) -> None:
-    """Wait until the writing process has emptied the ring: a full one takes no rows."""
+    """Wait until the writing process has emptied the ring: a full one takes no rows.
+
+    Raises
+    ------
+    RecordingError
+        If it takes none for a minute.
+    """
+    until = time.monotonic() + 60.0
     while recorder.waiting:
+        if time.monotonic() > until:
+            raise RecordingError(f"cannot write '{recorder.path}': the writing process takes nothing")
         time.sleep(0.01)
 
 
