@@ -341,11 +341,17 @@ def caller(call: Call) -> Callable[[], int]:
     words = np.array(numbers, np.int64)
     if _listed is not None:  # an entry that is only listed cannot be run
         return lambda: 0
-    one: Any = _run_one
-    one.compile((int64, int64))  # or load it, not in the first call
-    run: Any = partial(one, entry, int(words.ctypes.data))
+    run: Any = partial(_one_call(), entry, int(words.ctypes.data))
     run.kept = words, call.arguments  # the memory of which compiled code knows the addresses
     return run  # type: ignore[no-any-return]
+
+
+@cache
+def _one_call() -> Any:
+    """Return what runs one call, compiled or loaded before the first call, and only once for every `Bound`."""
+    one: Any = _run_one
+    one.compile((int64, int64))
+    return one
 
 
 def in_python(calls: Sequence[Call]) -> Callable[[], int]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Channel, Device, Field, Record, Twin, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.plugin.stamps import Stamped
 
 
@@ -26,6 +27,7 @@ class LateTwin(Twin, Stamped):
         self._delay = math.ceil(device.delay / servo_period - 1e-9)
         self._every = max(1, round(device.period / servo_period), self._delay)
         self._names = [field.name for field in twin.fields()]
+        self._bound = BoundTwin(twin)
         self._seen: Record | None = None
 
     def fields(self) -> tuple[Field, ...]:
@@ -97,9 +99,9 @@ class LateTwin(Twin, Stamped):
             if left == 0:
                 state["line.acting"] = state["line.taken"]
         _take(self._acting, state["line.acting"])
-        self.twin.step(inner, self._acting, touch, period)
+        self._bound.step(inner, self._acting, touch, period)
         if begins:
-            self.twin.read(inner, self._reading)
+            self._bound.read(inner, self._reading)
             _put(state["line.measured"], self._reading)
             if left == 0:
                 self._end(state)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.faults.kinds import AMOUNTS, DROPPED, LATE, SPIKES, UNITS, Injection, Kind
-from itouch.plugin import RETRACT, Bound, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
-from itouch.plugin.bound import bound_by
+from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Role, Twin, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.plugin.device import is_new
 from itouch.plugin.noise import random_word, uniform
 from itouch.plugin.stamps import Stamped
@@ -43,13 +43,7 @@ class FaultyTwin(Twin, Stamped):
         self._width = len(self._units)
         self._received = Record.of([Field.of(channel) for channel in commands])
         self._size = self._received.nbytes // 8
-        #: The twin's compiled calls with what they are bound to: binding them in every tick takes longer than they do.
-        self._stepping: tuple[Record, TwinInputs, float, Bound] | None = None
-        self._reading: tuple[Record, Record, Bound] | None = None
-        from itouch.joining import is_newest  # the compiler is only loaded where a twin runs
-
-        self._binds_step = is_newest(type(twin), "bound_step", "step")
-        self._binds_read = is_newest(type(twin), "bound_read", "read")
+        self._bound = BoundTwin(twin)
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State of the twin, the plan, and what the faults remember."""
@@ -154,7 +148,7 @@ class FaultyTwin(Twin, Stamped):
             raise DeviceError("disconnected (an injected fault)")
         values = reading.numbers
         before = values.copy() if active else values
-        new = self._read(state, reading)
+        new = self._bound.read(state, reading)
         for slot, _ in active:
             if not state["fault.started"][slot]:
                 self._start(state, slot, values)
@@ -168,16 +162,6 @@ class FaultyTwin(Twin, Stamped):
                 return False
             self._bend(state, slot, kind, values, chosen)
         return new
-
-    def _read(self, state: Record, reading: Record) -> bool | None:
-        """Let the twin read, by a compiled call where that is possible."""
-        known = self._reading
-        if known is None or known[0] is not state or known[1] is not reading:
-            bound = bound_by(self.twin.bound_read, state, reading, joins=False) if self._binds_read else ()
-            if not bound:
-                return self.twin.read(state, reading)
-            known = self._reading = (state, reading, bound[0])
-        return True if known[2]() == 0 else self.twin.read(state, reading)
 
     def measured(self, state: Record, tick: int, ticks: NDArray[np.int64]) -> None:
         """Do what the twin does.
@@ -281,24 +265,8 @@ class FaultyTwin(Twin, Stamped):
         else:
             state["fault.cut_off"][...] = 0
         last[:] = received
-        self._step(state, touch, period)
+        self._bound.step(state, self._received, touch, period)
         state["fault.tick"][...] = state["fault.tick"].item() + 1
-
-    def _step(self, state: Record, touch: TwinInputs, period: float) -> None:
-        """Advance the twin under the command that it has received, by a compiled call where that is possible."""
-        known = self._stepping
-        if known is None or known[0] is not state or known[1] is not touch or known[2] != period:
-            bound = (
-                bound_by(self.twin.bound_step, state, self._received, touch, period, joins=False)
-                if self._binds_step
-                else ()
-            )
-            if not bound:
-                self.twin.step(state, self._received, touch, period)
-                return
-            known = self._stepping = (state, touch, period, bound[0])
-        if known[3]() != 0:
-            self.twin.step(state, self._received, touch, period)
 
     def _alone(self, state: Record, received: Floats, last: Floats, period: float) -> None:
         """Do what a device without commands does: keep the last command, then become safe by its own watchdog."""

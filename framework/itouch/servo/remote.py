@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from itouch.loop.device_runner import Runner
 from itouch.platforms import SERVO_PROCESS
 from itouch.plugin import DeviceError, Field, Record, Twin, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.scene import write
 from itouch.servo import twin_protocol
 from itouch.servo.shared_memory import ServoError, monotonic
@@ -36,6 +37,7 @@ class RemoteTwin(Twin):
     def __init__(self, twin: Twin) -> None:
         super().__init__(twin.params)
         self.twin = twin
+        self._bound = BoundTwin(twin)
         self._line: socket.socket | None = None
         self._sent = 0
 
@@ -73,7 +75,7 @@ class RemoteTwin(Twin):
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Send the command; the twin's response comes back with a later reading."""
         if self._line is None:
-            self.twin.step(state, command, touch, period)
+            self._bound.step(state, command, touch, period)
             return
         self._sent += 1
         packet = (
@@ -93,7 +95,7 @@ class RemoteTwin(Twin):
             If the remote twin has hung up, can't be reached, or has made itself safe.
         """
         if self._line is None:
-            return self.twin.read(state, reading)
+            return self._bound.read(state, reading)
         newest: bytes | None = None
         try:
             while True:

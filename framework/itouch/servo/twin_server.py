@@ -19,6 +19,7 @@ import numpy as np
 from itouch.exchange.thread import make_safe
 from itouch.loop import WallClock
 from itouch.plugin import HOLD, RETRACT, Field, Record, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.plugin.discovery import Catalog
 from itouch.scene import loads
 from itouch.servo import realtime, twin_protocol
@@ -53,6 +54,7 @@ class TwinServer:
         self._slow = model.limits.speed or 0.0
         self._latched, self._over, self._begun = "", False, False
         self._last_target, self._sank, self._steps = math.nan, -math.inf, 0
+        self._bound = BoundTwin(self.twin)
         self._rehearse()
         self._heard = 0
         self._sequence = 0
@@ -260,8 +262,8 @@ class TwinServer:
         self._choose()
         if self._latched:
             self._carry_on_alone()
-        self.twin.step(self.state, self.acting, self.touch, self._period)
-        self.twin.read(self.state, self.reading)
+        self._bound.step(self.state, self.acting, self.touch, self._period)
+        self._bound.read(self.state, self.reading)
 
     def live(self) -> None:
         """Step until the session is over and the twin is at rest."""

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from itouch.plugin import Field, Record, Role, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.world import DeviceModel
 from itouch_evidence.surface.course import Course, Floats
 
@@ -80,10 +81,10 @@ def _follow(table: DeviceModel, wanted: Floats, period: float, seed: int) -> Flo
     name = channel.name if channel is not None else ""
     lowest, touch = float(wanted.min()), TwinInputs()
     command[name] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    found = np.empty(len(wanted))
+    found, bound = np.empty(len(wanted)), BoundTwin(twin)
     for i, height in enumerate(wanted.tolist()):
         command[name][2] = height - lowest + BEGINS
-        twin.step(state, command, touch, period)
+        bound.step(state, command, touch, period)
         place = twin.position(state)
         found[i] = place[2] + lowest - BEGINS if place is not None else height
     return found

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from itouch.plugin import Field, Record, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch_thermal.chip.pins import INPUTS, at_pins
 from itouch_thermal.chip.program import Built, built, config
 from itouch_thermal.chip.simulated import Chip, Run
@@ -74,6 +75,7 @@ class SimulatedDisplay:
         )
         self._twin.reset(self._state, np.random.default_rng(seed))
         self._twin.warm(self._state, *begin)
+        self._bound = BoundTwin(self._twin)
         self._guard, self._guard_lag = begin[0], guard_lag
         self.chip = Chip(program or built(), seed=seed)
         #: Voltages forced on inputs, by name: an open or shorted wire, a stuck sensor.
@@ -113,7 +115,7 @@ class SimulatedDisplay:
 
     def step(self, heard: bytes = b"") -> bytes:
         """Run for a millisecond with the bytes received; return the bytes that the chip sends."""
-        self._twin.read(self._state, self._reading)
+        self._bound.read(self._state, self._reading)
         shown = {
             "plate": self._reading["plate_temperature"].item(), "sink": self._reading["sink_temperature"].item(),
             "guard": self._guard,
@@ -129,7 +131,7 @@ class SimulatedDisplay:
             circuit.volts[INPUTS[name]] = volts
         self.last = self.chip.run(circuit, heard)
         self._command["current"] = self.last.current
-        self._twin.step(self._state, self._command, self.touch, STEP)
+        self._bound.step(self._state, self._command, self.touch, STEP)
         self._guard += (1.0 - math.exp(-STEP / self._guard_lag)) * (self.plate - self._guard)
         self.milliseconds += 1
         for tap in self.taps:
@@ -141,6 +143,6 @@ class SimulatedDisplay:
         self._command["current"] = 0.0
         low = high = self.plate
         for _ in range(round(seconds / SOAK_STEP)):
-            self._twin.step(self._state, self._command, self.touch, SOAK_STEP)
+            self._bound.step(self._state, self._command, self.touch, SOAK_STEP)
             low, high = min(low, self.plate), max(high, self.plate)
         return low, high

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from itouch.plugin import Field, Record, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch_thermal.chip.display import REFERENCE, SimulatedDisplay
 from itouch_thermal.chip.host import SimulatedHost
 from itouch_thermal.chip.pins import KELVIN
@@ -136,9 +137,9 @@ def soak_peak(
     state, command = Record.of(twin.fields()), Record.of(Field(c.name, "f8", c.size) for c in commands)
     twin.reset(state, np.random.default_rng(0))
     twin.warm(state, plate, sink)
-    touch, found = TwinInputs(ambient=room), plate
+    touch, found, bound = TwinInputs(ambient=room), plate, BoundTwin(twin)
     for _ in range(round(seconds / _SOAK_STEP)):
-        twin.step(state, command, touch, _SOAK_STEP)
+        bound.step(state, command, touch, _SOAK_STEP)
         found = max(found, float(state["true_plate"].item()))
     return found
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from contact_heat.contact import Contact
 from itouch.plugin import Field, Record, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch_thermal.display.column import Array
 from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.display_twin import DisplayTwin
@@ -141,14 +142,14 @@ def _step(setup: Setup, current: float, seconds: float, touched: bool) -> Array:
             if touched
             else TwinInputs(ambient=AMBIENT, force=0.0, gap=1.0)
         )
-        flux = np.empty(round((seconds + 1.0) / PERIOD))
+        flux, bound = np.empty(round((seconds + 1.0) / PERIOD)), BoundTwin(twin)
         for i in range(len(flux)):
             command["current"] = level if i * PERIOD >= 1.0 else 0.0
-            twin.step(state, command, touch, PERIOD)
+            bound.step(state, command, touch, PERIOD)
             if touched:
                 flux[i] = state["true_flux"].item()
             else:
-                twin.read(state, reading)
+                bound.read(state, reading)
                 flux[i] = reading["heat_flux"].item()
         found.append(flux)
     return np.asarray(found[-1] - found[0] if touched else found[0])

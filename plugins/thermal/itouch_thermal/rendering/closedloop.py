@@ -9,6 +9,7 @@ import numpy as np
 
 from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import Field, Record, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch_thermal.display.column import Array, plate_capacity
 from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.display_twin import DisplayTwin
@@ -133,19 +134,19 @@ def simulate(
     reads, commands = ThermalDisplay.channels(plant)
     reading = Record.of(Field.of(c) for c in reads)
     command = Record.of(Field.of(c) for c in commands)
-    touch = TwinInputs(ambient=AMBIENT)
+    touch, bound = TwinInputs(ambient=AMBIENT), BoundTwin(twin)
     before, count = round(BEFORE / PERIOD), round(case.seconds / PERIOD)
     found = np.empty((6, count))
     for k in range(before + count):
         i = k - before
-        twin.read(state, reading)
+        bound.read(state, reading)
         brain.take(reading, k % stream == 0, i)
         if k % hold == 0 or i == 0:
             command["current"][0] = brain.command(i, hold)
         if i >= 0:
             touch.gap = 0.0
             touch.force = 1.0 / press_factor((i + 1) * PERIOD, case.press * case.press_off)
-        twin.step(state, command, touch, PERIOD)
+        bound.step(state, command, touch, PERIOD)
         brain.sent = float(command["current"][0])
         if i >= 0:
             found[:, i] = (

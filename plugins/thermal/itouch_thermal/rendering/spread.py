@@ -18,6 +18,7 @@ from contact_heat.layers import ROOM, Layer
 from contact_heat.resistance import DEFAULT_RESISTANCE
 from contact_heat.steady import initial_profile
 from itouch.plugin import Field, Record, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch_thermal.display.column import Array, tissue_side
 from itouch_thermal.display.display_twin import DisplayTwin
 from itouch_thermal.display.params import ALUMINA, FILM, DisplayParams
@@ -260,9 +261,9 @@ def flux_of_twin(touched: Touched, times: Array) -> Array:
     state, command = Record.of(twin.fields()), Record.of([Field("current", "f8", 1)])
     twin.reset(state, np.random.default_rng(0))
     gap = display.skin_temperature - state["true_plate"].item()
-    found = []
+    found, bound, touch = list[float](), BoundTwin(twin), TwinInputs(force=1.0, gap=0.0)
     for _ in range(math.ceil(float(np.max(times)) / _TWIN_STEP)):
-        twin.step(state, command, TwinInputs(force=1.0, gap=0.0), _TWIN_STEP)
+        bound.step(state, command, touch, _TWIN_STEP)
         found.append(state["true_flux"].item() / gap)
     return np.asarray(np.interp(times, np.arange(1, len(found) + 1) * _TWIN_STEP, found))
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from contact_heat.resistance import DEFAULT_RESISTANCE
 from itouch.plugin import Field, Record, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch_thermal.display import plant
 from itouch_thermal.display.column import (
     P_BACK,
@@ -113,15 +114,16 @@ def switching_time(display: DisplayParams, begin: float, end: float, *, seed: in
     reading = Record.of(Field.of(c) for c in reads)
     command = Record.of(Field.of(c) for c in commands)
     touch, settle, sent, last = TwinInputs(ambient=AMBIENT), 4000, 0.0, 0
+    bound = BoundTwin(twin)
     for k in range(2 * settle):
-        twin.read(state, reading)
+        bound.read(state, reading)
         law.track(
             memory, sent, reading["heat_flux"].item(), reading["plate_temperature"].item(),
             reading["sink_temperature"].item(),
         )  # fmt: skip
         sent = law.approach(memory, begin if k < settle else end)[0]
         command["current"] = sent
-        twin.step(state, command, touch, PERIOD)
+        bound.step(state, command, touch, PERIOD)
         face, base = state["memory"][plant.PLATE], state["memory"][plant.BACK]
         if k >= settle and max(abs(face - end), abs(base - end)) > CLOSE:
             last = k - settle + 1
