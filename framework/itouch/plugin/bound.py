@@ -1,12 +1,17 @@
-"""A compiled function bound to its arguments (`Bound`), with which a plugin's step joins the compiled tick."""
+"""A compiled function bound to its arguments (`Bound`), with which a plugin's step joins the compiled tick.
+
+`bound_once` keeps the calls of a modality for Python, which would else bind them anew in every tick.
+"""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from itouch.plugin.record import Record
 from itouch.schema.plugin_errors import ReturnedError
 
 
@@ -103,3 +108,30 @@ def bound_by(
         except ValueError as error:
             raise ReturnedError(method, f"its call cannot be joined: {error}") from error
     return tuple(calls)
+
+
+#: The calls that `bound_once` has bound, by method, its object, model, State and period; these live as long as State.
+_once: dict[tuple[Any, ...], tuple[tuple[Bound, ...], Any, Any]] = {}
+
+
+def bound_once(method: Callable[..., Any], model: Any, state: Record, period: float) -> tuple[Bound, ...]:
+    """Return the compiled calls of a modality's ``bound_update``, bound when they are first asked for.
+
+    Binding a call takes longer than running it: an ``update`` that runs the calls of ``bound_update`` takes them from
+    here, so that a subclass may call ``super().update`` in every tick.  ``period`` is in [s].  None are there if the
+    method offers none; it is asked again then.
+
+    Raises
+    ------
+    ReturnedError
+        As of `bound_by`.
+    """
+    owner: Any = getattr(method, "__self__", None)
+    key = (getattr(method, "__func__", method), id(owner), id(model), id(state), period)
+    found = _once.get(key)
+    if found is None:
+        found = bound_by(method, model, state, period, several=True, joins=False), owner, model
+        if found[0]:
+            _once[key] = found
+            weakref.finalize(state, _once.pop, key, None).atexit = False
+    return found[0]

@@ -18,6 +18,7 @@ from contact_heat.layers import FINGER_FILM, Back, Film, Initial, Layer, Side, c
 from contact_heat.resistance import DEFAULT_RESISTANCE, SPREAD, ResistanceLaw, contact_area
 from itouch.plugin import Bound, ContactEvent, Field, HeardContact, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
+from itouch.plugin.bound import bound_once
 from itouch_thermal.boundary import Exchange, beyond
 from itouch_thermal.curve_playback import CurvePlayback
 from itouch_thermal.flux.object_curves import played_curves
@@ -301,7 +302,8 @@ class Heat(Modality):
 
     def update(self, model: HeatModel, state: Record, period: float) -> None:
         """Advance the finger and every object that has been touched by one period [s]."""
-        if self._unusual(model, state) or self.bound_update(model, state, period).run():
+        calls = () if self._unusual(model, state) else bound_once(self.bound_update, model, state, period)
+        if not calls or any(call.run() for call in calls):
             self._advance(model, state, period)
 
     def left_out(self, model: HeatModel, state: Record, seconds: float) -> None:

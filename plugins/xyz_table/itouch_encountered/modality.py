@@ -21,6 +21,7 @@ from itouch.plugin import (
     WorldSurface,
     schema,
 )
+from itouch.plugin.bound import bound_once
 from itouch.plugin.carried_surfaces import ROOM, SLOPE_AHEAD
 from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
 from itouch_encountered.feed_forward import INERTIA_FIRST
@@ -126,7 +127,7 @@ class Encountered(Modality):
 
     def update(self, model: EncounteredModel, state: Record, period: float) -> None:
         """Run the compiled calls of `bound_update` one after another."""
-        for step in self.bound_update(model, state, period):
+        for step in bound_once(self.bound_update, model, state, period):
             step()
 
     def bound_update(self, model: EncounteredModel, state: Record, period: float) -> tuple[Bound, ...]:
