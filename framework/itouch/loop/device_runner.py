@@ -97,10 +97,11 @@ class Runner:
         DeviceFaultError
             If the twin has raised anything but KeyboardInterrupt.
         """
-        if self.gate.twin is None:
+        twin = self.gate.link.bound
+        if twin is None:
             return
         try:
-            self.gate.twin.step(self.gate.twin_state, self.sent, self.touch, self._period)
+            twin.step(self.gate.twin_state, self.sent, self.touch, self._period)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program

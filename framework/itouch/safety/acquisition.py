@@ -384,7 +384,7 @@ class Acquisition:
 
     def _take(self) -> bool:
         """Read the twin or the device, and tell whether there was a new reading; whatever goes wrong is a trip."""
-        twin, device, twin_state = self._link.twin, self._link.device, self._link.twin_state
+        twin, device, twin_state = self._link.bound, self._link.device, self._link.twin_state
         try:
             if twin is not None:
                 return self._take_whole(lambda filled: twin.read(twin_state, filled))

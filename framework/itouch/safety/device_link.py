@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from itouch.plugin import Channel, Device, Record, Twin
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.safety.latch import Latch
 from itouch.world import DeviceModel
 
@@ -16,6 +17,8 @@ class DeviceLink:
 
     def __init__(self, model: DeviceModel, state: Record, device: Device | None, twin: Twin | None) -> None:
         self.model, self.device, self._twin = model, device, twin
+        #: The twin as Python steps and reads it, in ticks that are not compiled: each tick of a stop.
+        self.bound = None if twin is None else BoundTwin(twin)
         #: 1 once the twin was replaced by another one, so that what was compiled for the first is not used, shape (1,).
         self.replaced = np.zeros(1, np.int64)
         #: What the device may do now: unless it is enabled, only safe commands pass.
@@ -32,6 +35,7 @@ class DeviceLink:
     @twin.setter
     def twin(self, other: Twin | None) -> None:
         self._twin = other
+        self.bound = None if other is None else BoundTwin(other)
         self.replaced[0] = 1
 
     @property
