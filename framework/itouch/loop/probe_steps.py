@@ -15,7 +15,7 @@ from itouch.compiling import kernel
 from itouch.contact.distance_queries import beside
 from itouch.joining import SKIP
 from itouch.loop import render
-from itouch.loop.surface import force, ground, handover, plate, surface_memory
+from itouch.loop.surface import force, force_estimate, ground, handover, plate, surface_memory
 from itouch.monitors.default_limits import SPEED_NEAR
 from itouch.monitors.surface_kernels import pace
 
@@ -128,19 +128,23 @@ def led(withdrawn: Any, kept: Floats) -> int:
 @kernel
 def look_below(
     own: ProbeArrays, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, below: Any,
-    down: Floats, normal: Floats, start: Floats,
+    down: Floats, normal: Floats, start: Floats, fresh: bool,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its index.
 
     ``table`` (7,) and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m];
     ``presses`` and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``,
-    ``normal`` and ``start`` (3,) as in `ground.find`.  ``below``, ``figures`` and ``kept`` are written.
+    ``normal`` and ``start`` (3,) as in `ground.find`; ``fresh``: whether each tick has its own readings.  ``below``,
+    ``figures`` and ``kept`` are written.
     """
     c, figures, kept = own.c, own.figures, own.kept
     world, mesh, poses, twists = objects.world, objects.mesh, objects.poses, objects.twists
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
     higher = 0.0 if math.isnan(risen[0]) else risen[0]
-    plate.foresee(c, table, figures, kept, force.on_plate(load, presses), higher)
+    if fresh and presses[0] < 0.0:
+        depth = plate.top(c, table) + higher - (figures[render.HIP + 2] - c[render.RADIUS])
+        force_estimate.estimate(c, kept, load[2], depth)
+    plate.foresee(c, table, figures, kept, force_estimate.believed(kept, force.on_plate(load, presses)), higher)
     return 0
 
 
@@ -177,7 +181,9 @@ def carried(
         return PYTHON
     if math.isnan(coming[0]) or math.isnan(missed[0]) or math.isnan(yields[0]):
         return PYTHON
-    before, pressed, touching = figures[render.PLATE_TOP], max(0.0, -load[2]), primary[0] >= 0
+    before, touching = figures[render.PLATE_TOP], primary[0] >= 0
+    felt = force_estimate.believed(kept, load[2])
+    pressed = max(0.0, -felt)
     away = min(max(distance[0], -FURTHEST), FURTHEST)
     height, top = figures[render.HIP + 2] - c[render.RADIUS] - away, plate.top(c, table)
     figures[render.PLATE_TOP] = height if height > top + plate.ROUNDING else top
@@ -186,9 +192,9 @@ def carried(
     handover.take_over(c, kept, renders[0] != 0, present[0] != 0, away, coming[0], touching)
     plate.move(c, kept, before, figures[render.PLATE_TOP])
     plate.stray(figures, carrier.sent, table)
-    plate.spare(c, figures, kept, carrier.goal, pressed, yields[0])
-    force.feel(c, figures, kept, load[2], touching)
-    force.linger(c, figures, kept, load[2], touching, tick[0] * period)
+    plate.spare(c, figures, kept, carrier.goal, max(0.0, -load[2]), yields[0])
+    force.feel(c, figures, kept, felt, touching)
+    force.linger(c, figures, kept, felt, touching, tick[0] * period)
     there[0] = int(kept[surface_memory.PRESENT])
     moved = figures[render.PLATE_TOP] - before
     rising[0] = plate.rises(read, carrier.measured[0], top, moved, period) if read.shape[0] else moved / period

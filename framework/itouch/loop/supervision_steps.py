@@ -28,7 +28,7 @@ from itouch.monitors.surface_kernels import (
     Memory,
     SurfaceObservation,
     count,
-    felt,
+    pressed_by,
     rise,
     size,
 )
@@ -141,7 +141,7 @@ def together(
     counts [N]; ``force``: the greatest of all together [N]; ``room`` (n,), n at most 1: the force
     left for the arm, written.  ``said`` (1,) is written for Python.
     """
-    pressed = felt(load)
+    pressed = pressed_by(load, nearing)
     more = rise(nearing, pressed)
     if not pressed > touch:
         pressed = 0.0

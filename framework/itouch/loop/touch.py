@@ -50,7 +50,7 @@ class ContactStep:
         self.model, self.probe = model, probe
         name = probe.name
         self.figures = state.flat(f"{name}.hip", f"{name}.tracking")
-        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.rises")
+        self.surface = state.flat(f"{name}.surface.renders", f"{name}.surface.unsure")
         self.memory, self.result = state[f"{name}.memory"], state[f"{name}.result"]
         self.object, self.near_object = state[f"{name}.object"], state[f"{name}.near_object"]
         self._beside = (state[f"{name}.beside"], state[f"{name}.beside_distance"])
@@ -211,7 +211,7 @@ class ContactStep:
         objects = probe_steps.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
             probe_steps.look_below, own, objects, here, self._load, self._presses, risen, self.below,
-            np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
+            np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3), not table.model.wire,
         )  # fmt: skip
         measured, read = table.gate.acquisition.measured_of(Role.TRACKED_POSE), np.zeros(0)
         if table.model.wire:
@@ -275,7 +275,7 @@ class ContactStep:
             figures[render.HIP : render.HIP + 3], figures[render.VELOCITY : render.VELOCITY + 3],
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
             np.array([self.probe.scene.radius, surface.pad_stiffness, surface.pad_damping, self.model.period]),
-            self._presses,
+            self._presses, surface_memory.estimated(self.surface),
         )  # fmt: skip
 
     @property

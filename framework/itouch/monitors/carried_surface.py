@@ -191,11 +191,14 @@ class Surface(Monitor):
         sensed = reading.numbers if len(self._sensors) else np.zeros(0)
         return Load(sensed, self._sensors, self._torques, np.array([LEVER]))
 
-    def felt(self, reading: Record) -> float:
-        """Return the magnitude of the force [N] on the surface; a torque counts as a force, too."""
-        from itouch.monitors.surface_kernels import felt
+    def felt(self, reading: Record, near: surface_kernels.FingerAbove | None = None) -> float:
+        """Return the magnitude of the force [N] on the surface; a torque counts as a force, too.
 
-        return felt(self.load(reading))
+        ``near``: the finger over it, if the noise of a loud sensor is to be averaged out.
+        """
+        from itouch.monitors.surface_kernels import felt, pressed_by
+
+        return felt(self.load(reading)) if near is None else pressed_by(self.load(reading), near)
 
     def sentence(self, code: int, state: Record, reading: Record, moment: Moment) -> str:
         """Return which limit was passed, with the value that passed it."""

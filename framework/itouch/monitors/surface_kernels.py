@@ -149,6 +149,8 @@ class FingerAbove(NamedTuple):
     ``rising`` (1,): how fast the surface rises [m/s], by its last two places;
     ``pad`` (4,): radius [m] of the finger, stiffness [N/m] and damping [N s/m] of its pad, and the period [s];
     ``presses`` (1,): how hard the surface is said to press now [N], where readings are older; below 0: nothing is said.
+    ``estimated`` (3,) [N]: rms of the noise of the surface's first force sensor, 0 where it is quiet; where it is not,
+    the force along its third axis with the noise averaged out, and how far the true one may be from that.
     """
 
     finger: Floats
@@ -157,6 +159,32 @@ class FingerAbove(NamedTuple):
     rising: Floats
     pad: Floats
     presses: Floats = np.full(1, -1.0)
+    estimated: Floats = np.zeros(3)
+
+
+#: Places in `FingerAbove.estimated`.
+_LOUD, _BORNE, _UNSURE = range(3)
+
+
+@kernel
+def pressed_by(load: Any, nearing: Any) -> float:
+    """Return the force [N] on the surface as `felt` does, but with the noise of a loud sensor averaged out.
+
+    It is for how much an arm may add: a reading of noise, taken for a touch, would be felt in the arm.  What stops a
+    device is `felt`.
+    """
+    if not nearing.estimated[_LOUD] > 0.0 or len(load.sensors) == 0:
+        return float(felt(load))
+    most = 0.0
+    for k in range(len(load.sensors)):
+        begin, square = load.sensors[k], 0.0
+        for i in range(3):
+            if load.torques[k, i] >= 0:
+                square += load.reading[load.torques[k, i]] ** 2
+        third = nearing.estimated[_BORNE] if k == 0 else load.reading[begin + 2]
+        force = math.sqrt(load.reading[begin] ** 2 + load.reading[begin + 1] ** 2 + third**2)
+        most = max(most, force, math.sqrt(square) / load.lever[0])
+    return float(most)
 
 
 @kernel
@@ -171,12 +199,12 @@ def rise(nearing: Any, pressed: float) -> float:
     closing = max(0.0, nearing.rising[0] - nearing.velocity[2])
     way = LATE * period * closing
     said = nearing.presses[0]
-    since, unseen = said - pressed if said > pressed else 0.0, UNSEEN_LATE if said >= 0.0 else UNSEEN
-    if pressed + since > TOUCH:
-        return float(unseen + stiffness * way + since)
+    since, unsure = said - pressed if said > pressed else 0.0, nearing.estimated[_UNSURE]
+    if pressed + since > TOUCH + unsure:
+        return float((UNSEEN_LATE if said >= 0.0 else UNSEEN) + unsure + stiffness * way + since)
     beyond = nearing.finger[2] - radius - nearing.top[0] - SOON - way
     part = 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / (RAMP * period * max(closing, SLOW)))
-    return float(part * (UNSEEN + stiffness * way + damping * closing))
+    return float(part * (UNSEEN + unsure + stiffness * way + damping * closing))
 
 
 @kernel

@@ -100,10 +100,12 @@ class Finger:
             return self.pressed()
         from itouch.monitors.surface_kernels import rise  # here, so that the compiler is loaded only if a device runs
 
-        total = self.pressed()
-        for table in self.tables:
-            near = self.nearing.get(table.model.name)
-            total += rise(near, _felt(table)) if near is not None else 0.0
+        near = [self.nearing.get(table.model.name) for table in self.tables]
+        felt = [_felt(table, over) for table, over in zip(self.tables, near, strict=True)]
+        forces = (*felt, *(force for _, force in self._padded()))
+        total = sum(force for force in forces if force > TOUCH_FORCE)
+        for over, force in zip(near, felt, strict=True):
+            total += rise(over, force) if over is not None else 0.0
         return total
 
     def check(self, tick: int) -> None:
@@ -196,11 +198,15 @@ class Finger:
         return said[2] if said is not None else ""
 
 
-def _felt(table: Gate) -> float:
+def _felt(table: Gate, near: FingerAbove | None = None) -> float:
+    """Return the force on a surface [N] by its sensors; where a finger is known, with a loud one's noise averaged out.
+
+    0: nothing watches it.
+    """
     post: InstalledMonitor | None = table.device_monitors.surface
-    return (
-        post.monitor.felt(table.device_monitors.seen) if post is not None and isinstance(post.monitor, Surface) else 0.0
-    )
+    if post is None or not isinstance(post.monitor, Surface):
+        return 0.0
+    return post.monitor.felt(table.device_monitors.seen, near)
 
 
 def _acts(one: Gate, post: InstalledMonitor, withdrawn: bool) -> bool:

@@ -109,6 +109,15 @@ SURFACE = (
     Field("surface.turns", unit="m/s^2", doc="how fast `climb` will change in 3 ms because the slope does"),
     Field("surface.hastens", unit="m/s^2", doc="how fast `climb` changes because finger or object change their speed"),
     Field("surface.rises", unit="m/s", doc="how fast the plate rises as its surface does, or by itself, smoothed"),
+    Field("surface.variance", unit="N^2", doc="of the noise of the plate's force sensor, as read in the air"),
+    Field("surface.heard", unit="s", doc="for how long that was measured"),
+    Field("surface.read_last", unit="N", doc="what that sensor read last"),
+    Field("surface.read_before", unit="N", doc="what it read before that"),
+    Field("surface.depth", unit="m", doc="how far the finger then seemed to be in the plate"),
+    Field("surface.averaged", unit="N", doc="what it reads, with its noise averaged out"),
+    Field("surface.loud", unit="N", doc="rms of its noise, if it is a loud one; else 0"),
+    Field("surface.borne", unit="N", doc="force on the plate, as far as the noise does not explain it"),
+    Field("surface.unsure", unit="N", doc="how far the true one may be from that because of the noise"),
 )
 
 

@@ -148,7 +148,7 @@ def _seen(model: EncounteredModel) -> tuple[str, ...]:
     """Return the names of the State fields in `Seen`, in its order; an empty one: the device doesn't measure it."""
     probe, device = model.probe, model.device
     return (
-        f"{device}.frame", model.pose, f"{device}.sent.{model.channel}", model.load,
+        f"{device}.frame", model.pose, f"{device}.sent.{model.channel}", f"{probe}.surface.borne",
         *(f"{probe}.{name}" for name in ("hip", "normal", "surface_height")),
         *(
             f"{probe}.surface.{name}"

@@ -150,7 +150,8 @@ class Numbers(NamedTuple):
 class Seen(NamedTuple):
     """What is read of State: arrays, of shape (1,) where none is given.
 
-    Of the device: ``frame`` (12,), ``pose`` (7,), the pose ``sent`` last (7,), and the force on it, ``load`` (6,).
+    Of the device: ``frame`` (12,), ``pose`` (7,), the pose ``sent`` last (7,), and the force on it, ``borne`` [N], with
+    the noise of its sensor averaged out.
     ``hip`` (3,) of the finger; ``normal`` (3,) of the touched virtual surface.  Of the virtual surface below:
     ``height``, ``upright`` (cosine of its tilt), ``climb`` (how fast the height changes [m/s]), ``turns`` and
     ``hastens`` (how fast ``climb`` changes because the slope does, or because finger or object accelerate [m/s2]).
@@ -166,7 +167,7 @@ class Seen(NamedTuple):
     frame: Any
     pose: Any
     sent: Any
-    load: Any
+    borne: Any
     hip: Any
     normal: Any
     height: Any
@@ -459,7 +460,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
     lowest, here, last = hip[2] - c.radius, _top(c, frame, seen.pose), _top(c, frame, sent)
-    pressed, touching, withdrawn = max(0.0, -seen.load[2]), seen.object[0] >= 0, seen.withdrawn[0] != 0
+    pressed, touching, withdrawn = seen.borne[0], seen.object[0] >= 0, seen.withdrawn[0] != 0
     if c.wire:
         here, pressed = here + own[SINCE], own[PRESSES]
     height += seen.slope_x[0] * _ease(c, own, EVENED_X, hip[0], seen.goes_x[0])

@@ -29,6 +29,7 @@ from itouch.loop.render import (
     RADIUS,
     TABLE,
 )
+from itouch.loop.surface.force_estimate import believed
 from itouch.loop.surface.ground import along_plate
 from itouch.loop.surface.handover import LED
 from itouch.loop.surface.plate import CLEAR_OF
@@ -51,6 +52,7 @@ from itouch.loop.surface.surface_memory import (
     SETTLED,
     SHARE,
     STIRS,
+    UNSURE,
     VIRTUAL,
     WANTED,
 )
@@ -244,7 +246,7 @@ def push(
     for i in range(3):
         along += figures[CONTACT_FORCE + i] * figures[NORMAL + i]
     depth = figures[PLATE_TOP] - (figures[HIP + 2] - c[RADIUS])
-    pressed = pressing(max(0.0, -on_plate(load, presses)), depth)
+    pressed = pressing(max(0.0, -believed(memory, on_plate(load, presses))), depth)
     rise = pressed - memory[LOAD] if c[HAS_LOAD] > 0.0 else 0.0
     if memory[LOAD] <= NOTHING:
         # What a sensor reads without a touch is no rise; the pad's damping gives a force at once, and only once.
@@ -256,7 +258,7 @@ def push(
         force[i] = figures[CONTACT_FORCE + i] - along * figures[NORMAL + i]
     if c[HAS_TABLE] > 0.0 and c[FORCE_LIMIT] < np.inf:
         near = pressed > TOUCH or depth > -ABOUT
-        spare = max(SPARE_LATE if guessed else SPARE, rise + 0.5 * SPARE)
+        spare = max(SPARE_LATE if guessed else SPARE, rise + 0.5 * SPARE) + memory[UNSURE]
         left = c[FORCE_LIMIT] - (pressed + spare if near else 0.0)
         step = HAND_STEP if guessed else max(STEP, pressed + NOTHING - memory[CUT])
         _within(c, memory, force, left, step)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from itouch.blocks import places, width
 from itouch.world.state_fields import SURFACE
 
@@ -37,9 +40,27 @@ SLOPE = _at["surface.slope_x"]  # slope in x and y where the finger will be `SLO
 TURNS = _at["surface.turns"]  # how fast the speed of its height changes there because the slope changes [m/s2]
 HASTENS = _at["surface.hastens"]  # how fast the speed of its height changes because finger or object accelerate [m/s2]
 RISES = _at["surface.rises"]  # how fast the plate rises, as its surface does or by itself, smoothed [m/s]
+VARIANCE = _at["surface.variance"]  # of the noise of the plate's force sensor [N2]
+HEARD = _at["surface.heard"]  # for how long that was measured [s]
+READ, READ_BEFORE = _at["surface.read_last"], _at["surface.read_before"]  # its last two readings [N]
+DEEP = _at["surface.depth"]  # how far the finger seemed to be in the plate a tick ago [m]
+FILTERED = _at["surface.averaged"]  # what the sensor reads, with its noise averaged out [N]
+LOUD = _at["surface.loud"]  # rms of its noise [N]; 0: it is quiet
+BORNE, UNSURE = (
+    _at["surface.borne"],
+    _at["surface.unsure"],
+)  # the force on the plate; how far it may err [N]
 MEMORY = width(SURFACE)
+
+#: What is estimated of the force on the plate, one after the other: `LOUD`, `BORNE` and `UNSURE`.
+_ESTIMATED = slice(LOUD, UNSURE + 1)
 
 #: Value of `MISSED` besides those that a modality says: safety keeps the plate away (T4).
 WITHDRAWN = 3.0
 #: What a sensor may read of no touch [N].
 NOTHING = 0.02
+
+
+def estimated(memory: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the view (3,) [N] of the memory of a surface (MEMORY,) that holds `LOUD`, `BORNE` and `UNSURE`."""
+    return memory[_ESTIMATED]

@@ -1,0 +1,188 @@
+"""A surface whose force sensor is noisy keeps its laws: noise is measured in the air, and decides nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kernels_in_python import kernel_of
+from shipped import SCENES
+
+from itouch.loop import render
+from itouch.loop.surface import force_estimate, surface_memory
+from itouch.monitors.surface_kernels import FingerAbove, Load, pressed_by, rise
+from itouch_evidence.surface import run
+from itouch_evidence.surface.course import Floats, follow
+from itouch_evidence.surface.draw import draw
+from itouch_evidence.surface.laws import broken, judge
+from itouch_evidence.surface.scenes import RADIUS, Slope, ramp
+
+_estimate, _believed = kernel_of(force_estimate.estimate), kernel_of(force_estimate.believed)
+
+#: Stiffness of the finger's pad [N/m], and how far away a surface surely is [m].
+PAD, AWAY = 1000.0, -5e-3
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("loud") / "scenes"
+    shutil.copytree(SCENES, path)
+    return path
+
+
+class Sensor:
+    """A sensor with this noise [N rms], the surface's memory, and what was estimated in each tick [N]."""
+
+    def __init__(self, noise: float, rate: int = 1000) -> None:
+        self.noise, self.period = noise, 1.0 / rate
+        self.rng = np.random.default_rng(3)
+        self.constants, self.memory = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY)
+        self.constants[render.PAD_STIFFNESS], self.constants[render.PERIOD] = PAD, self.period
+        self.read: list[float] = []
+
+    def borne(self, force: float, depth: float, ticks: int = 1) -> Floats:
+        """Press with a force [N] for some ticks, where the finger seems this deep [m]; return the estimates (ticks,)."""
+        found = []
+        for _ in range(ticks):
+            self.read.append(force + self.noise * self.rng.normal())
+            _estimate(self.constants, self.memory, -self.read[-1], depth)
+            found.append(-_believed(self.memory, -self.read[-1]))
+        return np.array(found)
+
+    def at(self, name: int) -> float:
+        """Return a number of the surface's memory."""
+        return float(self.memory[name])
+
+
+@pytest.mark.parametrize("rate", [1000, 4000])
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_a_quiet_sensor_is_believed_as_it_reads(noise: float, rate: int) -> None:
+    sensor = Sensor(noise, rate)
+    found = [*sensor.borne(0.0, AWAY, 4 * rate), *sensor.borne(0.7, 7e-4, 100), *sensor.borne(0.0, AWAY, 4 * rate)]
+    assert found == sensor.read
+    assert sensor.at(surface_memory.LOUD) == sensor.at(surface_memory.UNSURE) == 0.0
+
+
+@pytest.mark.parametrize("rate", [1000, 4000])
+@pytest.mark.parametrize("noise", [0.012, 0.04])
+def test_the_noise_of_a_loud_sensor_is_measured_in_the_air(noise: float, rate: int) -> None:
+    sensor = Sensor(noise, rate)
+    sensor.borne(0.3, AWAY, rate // 2)  # it need not be zeroed
+    assert sensor.at(surface_memory.LOUD) == pytest.approx(noise, rel=0.2)
+    before = sensor.at(surface_memory.LOUD)
+    sensor.noise = 0.0
+    sensor.borne(0.7, 7e-4, rate)
+    assert sensor.at(surface_memory.LOUD) == before  # nothing is learned of it while a finger presses
+
+
+def test_a_knock_is_no_noise() -> None:
+    sensor = Sensor(0.005)
+    sensor.borne(0.0, AWAY, 1000)
+    sensor.borne(2.0, AWAY)
+    sensor.borne(0.0, AWAY, 10)
+    assert sensor.at(surface_memory.LOUD) == 0.0
+
+
+@pytest.mark.parametrize("rate", [1000, 4000])
+def test_noise_is_no_force_of_a_surface_that_is_away_and_little_of_one_that_presses(rate: int) -> None:
+    sensor = Sensor(0.04, rate)
+    sensor.borne(0.0, AWAY, rate // 2)
+    assert sensor.borne(0.0, AWAY, 10 * rate).max() < 0.03  # what safety takes for a touch
+    pressed = sensor.borne(0.7, 7e-4, 10 * rate)[rate // 10 :]
+    assert pressed.mean() == pytest.approx(0.7, abs=0.005)
+    assert np.abs(pressed - 0.7).max() < 1.4 * sensor.at(surface_memory.UNSURE) < 0.07
+    assert np.abs(np.diff(pressed)).max() < 0.06
+
+
+@pytest.mark.parametrize("rate", [1000, 4000])
+def test_the_estimate_is_not_late(rate: int) -> None:
+    """It goes with the finger, a knock counts at once, and what lets go is let go of."""
+    sensor = Sensor(0.03, rate)
+    sensor.borne(0.0, AWAY, rate // 2)
+    sensor.borne(0.1, 1e-4, rate // 50)
+    for depth in np.arange(1e-4, 1.5e-3, 0.1 / rate):  # 0.1 m/s
+        (found,) = sensor.borne(PAD * depth, depth)
+        assert found == pytest.approx(PAD * depth, abs=1.4 * sensor.at(surface_memory.UNSURE))
+    (found,) = sensor.borne(2.5, 1.5e-3)
+    assert found == sensor.read[-1]
+    (found,) = sensor.borne(0.0, AWAY)
+    assert found < 0.1
+
+
+def test_a_finger_that_goes_deeper_into_no_surface_presses_nothing() -> None:
+    """What its depth explains is added only to what is surely felt: else a missing surface would seem to be felt."""
+    sensor = Sensor(0.04)
+    sensor.borne(0.0, AWAY, 500)
+    found = [sensor.borne(0.0, depth)[0] for depth in np.arange(0.0, 2e-3, 5e-5)]
+    assert max(found) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("number", "laws"),
+    [pytest.param(46, {"arm", "step"}, id="an arm at its limit makes no room for noise"),
+     pytest.param(5, {"limit", "step"}, id="nor is it above its limit by that"),
+     pytest.param(119, {"step"}, id="nor does the arm give what a sensor errs by")],
+)  # fmt: skip
+def test_a_loud_sensor_breaks_no_law_that_it_once_broke(folder: Path, number: int, laws: set[str]) -> None:
+    figures = run(number, 301127, folder, kind="wide")["figures"]
+    assert laws <= figures.keys()
+    assert not broken(figures)
+
+
+@pytest.mark.parametrize(("number", "noise"), [(0, 12.0), (12, 40.0)])
+def test_nor_do_other_scenes_with_one(folder: Path, number: int, noise: float) -> None:
+    _, scene = draw(number, 5150, folder)
+    assert not broken(judge(follow(dataclasses.replace(scene, noise=noise).build(folder))))
+
+
+@pytest.mark.parametrize(("rate", "noise"), [(1000, 40.0), (4000, 30.0)])
+def test_a_plate_that_is_too_low_is_missed_as_soon_with_a_loud_sensor(folder: Path, rate: int, noise: float) -> None:
+    """It read more than a touch again and again, so that a light touch of 0.5 N was never felt at all."""
+    world, _ = ramp(0.0)
+    motion = (
+        f'<to pos="0 0 25 mm" in="0.1 s" hold="0.3 s"/><to pos="0 0 {5.0 + RADIUS - 0.65} mm" in="0.3 s" hold="0.5 s"/>'
+        '<to pos="0 0 25 mm" in="0.3 s" hold="0.1 s"/>'
+    )
+    course = follow(Slope(world, motion, stiffness=0.8, error=3.0, noise=noise, rate=rate).build(folder))
+    should = course.touching & course.renders & (np.linalg.norm(course.virtual, axis=1) > 0.8 * 0.4)
+    assert 0 < should.sum() <= 0.08 * rate
+    late = course.touching & (course.time > 0.95) & (course.time < 1.15)
+    virtual, total = np.linalg.norm(course.virtual[late], axis=1), np.linalg.norm(course.total[late], axis=1)
+    assert virtual.min() > 0.1
+    assert total == pytest.approx(virtual, rel=0.02)
+    assert len([notice for notice in course.report["notices"] if "should have been felt" in notice]) == 1
+
+
+def load(*reading: float) -> Load:
+    """Return the reading of one sensor: forces [N], and torques [N m] that count."""
+    return Load(np.array([*reading]), np.array([0]), np.array([[3, 4, 5]]), np.array([0.1]))
+
+
+@pytest.mark.parametrize(
+    ("reading", "estimated", "found"),
+    [((0.3, 0.0, -0.4, 0, 0, 0), (0.0, 0.0, 0.0), 0.5), ((0.0, 0.0, 0.05, 0, 0, 0), (0.02, 0.0, 0.02), 0.0),
+     ((0.3, 0.0, -0.1, 0, 0, 0), (0.02, 0.4, 0.02), 0.5), ((0.0, 0.0, -0.1, 0.07, 0, 0), (0.02, 0.0, 0.02), 0.7)],
+)  # fmt: skip
+def test_an_arm_makes_room_for_a_force_without_its_noise(
+    reading: tuple[float, ...], estimated: tuple[float, ...], found: float
+) -> None:
+    nearing = FingerAbove(
+        np.array([0.0, 0.0, 0.1]), np.zeros(3), np.array([0.05]), np.zeros(1), np.array([0.008, PAD, 2.0, 0.001]),
+        estimated=np.array(estimated),
+    )  # fmt: skip
+    assert pressed_by(load(*reading), nearing) == pytest.approx(found)
+
+
+@pytest.mark.parametrize(
+    ("gap", "pressed", "found"),
+    [(4e-2, 0.06, 0.0), (4e-2, 0.08, 0.06 + 0.04), (0.0, 0.5, 0.06 + 0.04), (0.0, 0.0, 0.06 + 0.04)],
+)
+def test_it_makes_room_for_what_the_estimate_may_be_wrong_by(gap: float, pressed: float, found: float) -> None:
+    nearing = FingerAbove(
+        np.array([0.0, 0.0, 0.1]), np.zeros(3), np.array([0.1 - 0.008 - gap]), np.zeros(1),
+        np.array([0.008, PAD, 2.0, 0.001]), estimated=np.array([0.04, pressed, 0.04]),
+    )  # fmt: skip
+    assert rise(nearing, pressed) == pytest.approx(found)
