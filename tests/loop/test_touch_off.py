@@ -105,6 +105,20 @@ def test_the_noise_of_a_force_sensor_is_not_taken_for_a_touch(scenes: Path, nois
         assert greatest < 0.4
 
 
+def test_the_noise_of_a_force_sensor_does_not_choose_what_counts(scenes: Path) -> None:
+    """Of what it read near the first touch only what its noise made greater counted: the plate was 10 um too high."""
+    path, world = scenes / "even.xml", '<box name="b" pos="0 0 0 mm" size="80 60 10 mm" material="stuff"/>'
+    motion, found = '<to pos="0 0 30 mm" in="0.1 s" hold="9 s"/><to pos="0 0 40 mm" in="0.4 s"/>', []
+    path.write_text(Slope(world, motion, error=1.0, touch_off=True, noise=36, rate=4000).text(), encoding="utf-8")
+    for seed in range(8):
+        with itouch.build(path, seed=seed) as session:
+            while not session.state["ready"]:
+                session.tick()
+            found.append(session.state["table.calibration"][2].item())
+    assert np.mean(found) == pytest.approx(-1e-3, abs=7e-6)
+    assert np.std(found) < 4e-6
+
+
 @pytest.mark.parametrize("error", [0.4, 1.2])
 def test_a_finger_that_presses_is_not_handed_over_to_a_plate_that_is_looked_for(scenes: Path, error: float) -> None:
     """It sank towards the plate, by whose height nothing was known: the pad's damping made that wrong by 30 um more."""

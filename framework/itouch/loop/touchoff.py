@@ -39,6 +39,7 @@ RISE, FORCE, SAMPLE = 0.005, 0.3, 0.05
 LOUD, LISTENS = 0.008, 0.05
 #: A loud sensor feels something from so many times its noise on, until it reads less than that; meanwhile the plate
 #: rises slower by this factor, so that noise averages out, and until it reads so many times its noise more than FORCE.
+#: Where its average is known (`itouch.loop.surface.force_estimate`), that is taken instead of readings, until FORCE.
 BEGINS, SLOWER, BEYOND = 3.0, 0.25, 2.0
 #: How far below the finger the slow rise begins, and how far the plate drops between points, where the skin has time to
 #: lose what it was warmed [m].
@@ -239,14 +240,18 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, kep
         search.stage[0] = _PLACE
         return 0
     noise = _noise(search)
-    if pressed < max(LEFT, noise):  # what was sampled was noise
+    # Which samples count must not depend on their noise: those that read little would be left out.
+    averages = noise > 0.0 and kept[surface_memory.LOUD] > 0.0
+    averaged = kept[surface_memory.FILTERED] if averages else pressed
+    if averaged < max(LEFT, noise):  # what was sampled was noise
         _begin(search)
     felt = noise > 0.0 and sums[_COUNT] > 0.0
-    if force > max(SAMPLE, BEGINS * noise) or felt:
+    if abs(averaged) > max(SAMPLE, BEGINS * noise) or felt:
         # By its own reading, not by what the modality says that carries it: it is the device that is calibrated.
         held = _damped(reach, figures, kept, SLOWER * RISE if felt else RISE)
         _sample(search, plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius), force - held)
-    if force >= FORCE + BEYOND * noise:
+    reached = averaged >= FORCE if averages else force >= FORCE + BEYOND * noise
+    if reached:
         found = _at_no_force(sums, search.squares[0]) if noise > 0.0 else _at_zero_force(sums)
         search.offsets[search.point[0]] = found
         search.target[0] = max(reach.low, search.target[0] - DROP)  # but no lower than the end of its travel
