@@ -33,7 +33,7 @@ class EnergyMeter(Modality):
     """Adds up a heat flux from the start of a touch to its end."""
 
     Params = EnergyMeterParams
-    hears = frozenset({Contact.BEGIN})
+    subscribes_to = frozenset({Contact.BEGIN})
     measured = (Measured("energy", "J/m^2", "heat the finger gave"),)
 
     def compile(self, name: str, params: EnergyMeterParams, world: World) -> tuple[str, str]:

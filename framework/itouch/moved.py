@@ -1,17 +1,20 @@
 """Old names, kept for one version: importing a module that has moved warns, and passes on to the new one.
 
-Listed are only names that the documentation, a shipped scene or an entry point told users to import.  Methods that have
-another name now have both for as long (``have_both_names``).
+Listed are only names that the documentation, a shipped scene or an entry point told users to import.  Members of
+classes that have another name now have both for as long (`HasOldNames`, `with_old_fields`).
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from importlib import import_module
 from importlib.machinery import ModuleSpec
-from types import ModuleType
-from typing import Any, cast
+from types import FunctionType, ModuleType
+from typing import Any, ClassVar, TypeVar, cast
+
+T = TypeVar("T")
 
 #: Old name -> new name, also for submodules.  They are strings, imported only when a user imports an old name: the core
 #: itself imports nothing from the tools or the evidence.
@@ -82,9 +85,9 @@ MOVED = _Moved()
 
 
 def have_both_names(cls: type, old: str, new: str) -> str:
-    """Let the two names of a method mean the same in a new class; return who overrides it by the old name.
+    """Let the two names of a member mean the same in a new class; return who overrides it by the old name.
 
-    A class overrides a method under one name, and the class below it may be written with the other: a call of
+    A class overrides a member under one name, and the class below it may be written with the other: a call of
     ``super()`` must reach the parent's own method in either case.  So each class gets the name that it lacks, and that
     name never leads to a class further down.
 
@@ -93,7 +96,7 @@ def have_both_names(cls: type, old: str, new: str) -> str:
     cls
         The class that is being made; its bases have been here before.
     old, new
-        The method's names.
+        The member's names.
 
     Returns
     -------
@@ -104,23 +107,100 @@ def have_both_names(cls: type, old: str, new: str) -> str:
     if by_old is by_new:  # inherited with both names, or written for both versions
         return ""
     if cls.__mro__.index(by_old) < cls.__mro__.index(by_new):
-        setattr(cls, new, vars(by_old)[old])
+        member = vars(by_old)[old]
+        setattr(cls, new, member)
+        if not isinstance(member, _METHODS):  # what an instance sets under one name, it must read under the other
+            setattr(cls, old, OldName(cls, old, new))
         return by_old.__name__
-    setattr(cls, old, _OldName(by_new, old, new))
+    setattr(cls, old, OldName(by_new, old, new))
     return ""
 
 
-class _OldName:
-    """A method under its old name: a call of it warns, and is one of the method that a class has by the new name."""
+class HasOldNames:
+    """Base of classes from which plugins derive, and whose members had other names in the version before.
+
+    Whoever overrides, calls, reads or sets a member by its old name does so with the member of the new name.
+    """
+
+    #: Old name -> new name, of the members that a class defines itself.
+    _OLD_NAMES: ClassVar[Mapping[str, str]] = {}
+
+    #: What it declares in an outdated way, one sentence each.
+    deprecations: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        for old, new in vars(cls).get("_OLD_NAMES", {}).items():
+            setattr(cls, old, OldName(cls, old, new))
+        told = [
+            f"'{old}' of {older} is '{new}' now: rename it"
+            for kind in cls.__mro__[1:]
+            for old, new in vars(kind).get("_OLD_NAMES", {}).items()
+            if (older := have_both_names(cls, old, new))
+        ]
+        cls.deprecations = (*cls.deprecations, *told)
+
+
+def with_old_fields(**names: str) -> Callable[[type[T]], type[T]]:
+    """Return the decorator of a class of named values, each ``old="new"`` of which is understood under both names.
+
+    Old names are accepted as keywords of the constructor, and as attributes; each use warns.
+    """
+
+    def decorated(cls: type[T]) -> type[T]:
+        for which in ("__new__", "_replace") if issubclass(cls, tuple) else ("__init__",):
+            setattr(cls, which, _understanding(getattr(cls, which), cls.__name__, names))
+        for old, new in names.items():
+            setattr(cls, old, OldName(cls, old, new))
+        return cls
+
+    return decorated
+
+
+def _understanding(function: Callable[..., Any], owner: str, names: Mapping[str, str]) -> Callable[..., Any]:
+    """Return a function that also takes its keywords by their old names."""
+
+    @wraps(function)
+    def called(*given: Any, **named: Any) -> Any:
+        for old in names.keys() & named.keys():
+            said = f"{owner}: '{old}' is '{names[old]}' now: write that"
+            warnings.warn(said, DeprecationWarning, stacklevel=2)
+            named[names[old]] = named.pop(old)
+        return function(*given, **named)
+
+    return called
+
+
+class OldName:
+    """A member under its old name: each use warns, and is one of the member that has the new name."""
 
     def __init__(self, owner: type, old: str, new: str) -> None:
         self._owner, self._old, self._new = owner, old, new
 
     def __get__(self, instance: Any, kind: type) -> Any:
-        method = vars(self._owner)[self._new].__get__(instance, kind)
+        member = vars(self._owner).get(self._new)
+        if not isinstance(member, _METHODS):  # a value, which a class further down, or an instance, may have set
+            self._warn("use", stacklevel=3)
+            return getattr(kind if instance is None else instance, self._new)
+        method = member.__get__(instance, kind)
 
         def called(*given: Any, **named: Any) -> Any:
-            warnings.warn(f"'{self._old}' is '{self._new}' now: call that", DeprecationWarning, stacklevel=2)
+            self._warn("call", stacklevel=3)
             return method(*given, **named)
 
         return called
+
+    def __set__(self, instance: Any, value: Any) -> None:
+        self._warn("set", stacklevel=3)
+        setattr(instance, self._new, value)
+
+    def _warn(self, what: str, *, stacklevel: int) -> None:
+        said = f"'{self._old}' is '{self._new}' now: {what} that"
+        warnings.warn(said, DeprecationWarning, stacklevel=stacklevel)
+
+
+#: What is called on an instance or a class; everything else that a class has is a value.
+_METHODS = (FunctionType, classmethod, staticmethod)
+
+# Found by the framework for each class, never declared by a plugin: there is nothing but reading it.
+setattr(HasOldNames, "outdated", OldName(HasOldNames, "outdated", "deprecations"))  # noqa: B010

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.joining import is_newest
-from itouch.plugin import Carries, ContactEvent, Modality, Touches, World
+from itouch.plugin import ContactEvent, ContactFields, Modality, SurfaceFields, World
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.device import Device, Twin, TwinInputs
@@ -216,18 +216,18 @@ def renamed_modality(cls: type[Modality], words: Renaming, known: dict[str, str]
             known.update({f"{self._named}.{words(f.name)}": f"{self._named}.{f.name}" for f in found})
             return words.of(found)
 
-        def carries(self, model: Any) -> Carries | None:
+        def surface_fields(self, model: Any) -> SurfaceFields | None:
             """Return the declaration of its surface with the other names of its fields."""
-            found: Carries | None = super().carries(model)
-            return found and Carries(*found[:2], *(name and words(name) for name in found[2:]))
+            found: SurfaceFields | None = super().surface_fields(model)
+            return found and SurfaceFields(*found[:2], *(name and words(name) for name in found[2:]))
 
-        def touches(self, model: Any) -> Touches | None:
+        def contact_fields(self, model: Any) -> ContactFields | None:
             """Return the declaration of its contact with the other names of its fields."""
-            found: Touches | None = super().touches(model)
+            found: ContactFields | None = super().contact_fields(model)
             if found is None:
                 return None
             touched, force, normal, point, proxy, whole = (name and words(name) for name in found[1:7])
-            return Touches(found.probe, touched, force, normal, point, proxy, whole, found.damped)
+            return ContactFields(found.probe, touched, force, normal, point, proxy, whole, found.add_damping)
 
         def reset(self, model: Any, state: Record) -> None:
             """Begin."""
@@ -237,17 +237,17 @@ def renamed_modality(cls: type[Modality], words: Renaming, known: dict[str, str]
             """Pass a contact event on, with the renamed state."""
             super().on_contact(event, model, labels(state))
 
-        def between(self, model: Any, state: Record) -> None:
+        def on_intermediate_tick(self, model: Any, state: Record) -> None:
             """Do the work between touches on the renamed state."""
-            super().between(model, labels(state))
+            super().on_intermediate_tick(model, labels(state))
 
         def update(self, model: Any, state: Record, period: float) -> None:
             """Advance."""
             super().update(model, labels(state), period)
 
-        def witness(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:
+        def on_ground_truth(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:
             """Note the truth of the twins in the renamed state."""
-            super().witness(model, labels(state), twins)
+            super().on_ground_truth(model, labels(state), twins)
 
         def bound_update(self, model: Any, state: Record, period: float) -> Bound | None:
             """Return the update on the renamed state as one compiled call."""

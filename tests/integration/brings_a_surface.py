@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from itouch.plugin import Carries, Field, Modality, ParameterError, Record, Role, World, schema
+from itouch.plugin import Field, Modality, ParameterError, Record, Role, SurfaceFields, World, schema
 
 #: Cosine of the steepest slope that the prop renders.
 LEVEL = 0.95
@@ -42,7 +42,7 @@ class Hover(Modality):
     """Keeps the prop where the virtual surface is, or well away from the finger."""
 
     Params = Brings
-    hears = frozenset()  # else each tick of a contact would call it from Python
+    subscribes_to = frozenset()  # else each tick of a contact would call it from Python
 
     def compile(self, name: str, params: Any, world: World) -> Plan:
         """Find the robot's command and reading by what they are for."""
@@ -70,9 +70,9 @@ class Hover(Modality):
         """Command the robot."""
         return (f"{model.robot}.{model.channel}",)
 
-    def carries(self, model: Plan) -> Carries | None:
+    def surface_fields(self, model: Plan) -> SurfaceFields | None:
         """Say that it brings the robot's surface, and in which fields it tells how that stands."""
-        return Carries(model.probe, model.robot, "renders", "there", "away", "short", "coming")
+        return SurfaceFields(model.probe, model.robot, "renders", "there", "away", "short", "coming")
 
     def reads(self, model: Plan) -> tuple[str, ...]:
         """Name what it reads of State."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from itouch.plugin import Field, Modality, Record, Touches, World, schema
+from itouch.plugin import ContactFields, Field, Modality, Record, World, schema
 from itouch.plugin.geometry import Geometry, point_distance
 
 
@@ -31,7 +31,7 @@ class PenaltyContact(Modality):
     """Pushes the finger out of the object in which it is deepest."""
 
     Params = Penalty
-    hears = frozenset()
+    subscribes_to = frozenset()
 
     def compile(self, name: str, params: Any, world: World) -> Springs:
         """Take the shapes of the scene."""
@@ -49,9 +49,9 @@ class PenaltyContact(Modality):
             Field("point", "f8", 3, unit="m", doc="the touched point"),
         )
 
-    def touches(self, model: Springs) -> Touches | None:
+    def contact_fields(self, model: Springs) -> ContactFields | None:
         """Say that it computes the probe's contact, and where it tells what it has found."""
-        return Touches(model.probe, "object", "force", "normal", "point")
+        return ContactFields(model.probe, "object", "force", "normal", "point")
 
     def reads(self, model: Springs) -> tuple[str, ...]:
         """Name what it reads of State."""

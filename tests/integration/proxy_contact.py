@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from itouch.plugin import Bound, Field, Modality, Record, Touches, World, schema
+from itouch.plugin import Bound, ContactFields, Field, Modality, Record, World, schema
 from itouch.plugin.geometry import FOUND, Geometry, proxy_step
 
 
@@ -30,7 +30,7 @@ class ProxyContact(Modality):
     """Drags a proxy over the surfaces behind the finger."""
 
     Params = Proxy
-    hears = frozenset()
+    subscribes_to = frozenset()
 
     def compile(self, name: str, params: Any, world: World) -> Settings:
         """Take the shapes of the scene."""
@@ -50,9 +50,9 @@ class ProxyContact(Modality):
             Field("found", "f8", FOUND, unit="mixed", doc="what it has found"),
         )
 
-    def touches(self, model: Settings) -> Touches | None:
+    def contact_fields(self, model: Settings) -> ContactFields | None:
         """Say that it computes the contact; the coupling's damping is left to the framework."""
-        return Touches(model.probe, found="found", damped=True)
+        return ContactFields(model.probe, found="found", add_damping=True)
 
     def reads(self, model: Settings) -> tuple[str, ...]:
         """Name what it reads of State."""

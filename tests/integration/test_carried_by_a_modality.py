@@ -41,13 +41,13 @@ class Wrong(Hover):
     def commands(self, model):
         return () if self.error == "silent" else super().commands(model)
 
-    def carries(self, model):
-        carries = super().carries(model)
+    def surface_fields(self, model):
+        carries = super().surface_fields(model)
         if self.error == "nameless":
             return carries._replace(distance="nothing")
         if self.error in ("unyielding", "lying"):
-            return carries._replace(yields="missed", coming="")
-        return carries._replace(missed="missed") if self.error in ("missed", "coming", "both") else carries
+            return carries._replace(yield_distance="missed", remaining_distance="")
+        return carries._replace(fault="missed") if self.error in ("missed", "coming", "both") else carries
 
     def fields(self, model):
         return (*super().fields(model), Field("missed", unit="1", doc="why the prop renders no more"))
@@ -313,6 +313,6 @@ def test_attributes_that_it_does_not_keep_to_are_warned_of(
     path.write_text(path.read_text().replace('surface-to="presenter"', 'surface-to="presenter" clearance="8 mm"', 1))
     cls = Catalog().modality("robo", "brings")
     assert cls is not None
-    monkeypatch.setattr(cls, "keeps_to", keeps)
+    monkeypatch.setattr(cls, "probe_attributes", keeps)
     said = [line for line in itouch.build(path).report()["notices"] if "clearance of probe 'tip' has no effect" in line]
     assert bool(said) is not bool(keeps)

@@ -74,8 +74,8 @@ class Wrong(PenaltyContact):
             rest.append(Field("stiffness", unit="N/m", doc="how stiff it is"))
         return (Field("object", ">f8", unit="1", doc=first.doc) if self.error == "swapped" else first, *rest)
 
-    def touches(self, model):
-        said = super().touches(model)
+    def contact_fields(self, model):
+        said = super().contact_fields(model)
         if self.error == "tuple":
             return tuple(said)
         if self.error == "listed":
@@ -313,9 +313,9 @@ def test_a_contact_ends_when_the_modality_says_so_even_inside_the_shape(written:
         ('<mine:penalty probe="finger" name="a"/><mine:penalty probe="finger" name="b"/>',
          "modalities 'a' and 'b' both compute the contact of probe 'finger'"),
         ('<mine:penalty probe="finger" error="tuple"/>',
-         "failed in touches: it returned ('finger', 'object', 'force', 'normal', 'point', '', '', False); Touches of"),
-        ('<mine:penalty probe="finger" error="listed"/>', "failed in touches: it returned Touches(probe=['finger']"),
-        ('<mine:penalty probe="finger" error="fails"/>', "failed in touches: RuntimeError: out of touch"),
+         "failed in contact_fields: it returned ('finger', 'object', 'force', 'normal', 'point', '', '', False); ContactFields of"),
+        ('<mine:penalty probe="finger" error="listed"/>', "failed in contact_fields: it returned ContactFields(probe=['finger']"),
+        ('<mine:penalty probe="finger" error="fails"/>', "failed in contact_fields: RuntimeError: out of touch"),
         ('<mine:penalty probe="finger" error="twice"/>', "twice: in field 'force', and in object, force, normal, point"),
         ('<mine:penalty name="finger.coupling" probe="finger" error="named"/>',
          "modality 'finger.coupling' declares 'finger.coupling.stiffness', which is a field of something else, too"),

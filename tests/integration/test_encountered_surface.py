@@ -88,7 +88,7 @@ class Cart(Device):
 class Hum(Modality):
     """Renders nothing."""
 
-    Params, hears = Still, frozenset()
+    Params, subscribes_to = Still, frozenset()
 
     def compile(self, name, params, world):
         return name

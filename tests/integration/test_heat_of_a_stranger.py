@@ -29,7 +29,7 @@ class Lump:
 
 class Lumped(Modality):
     Params = Lump
-    hears = frozenset({Contact.BEGIN, Contact.END})
+    subscribes_to = frozenset({Contact.BEGIN, Contact.END})
 
     def compile(self, name, params, world):
         return name, params

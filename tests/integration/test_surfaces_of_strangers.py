@@ -181,7 +181,7 @@ class Alone(Hover):
 
 
 class Nothing(Alone):
-    def carries(self, model):
+    def surface_fields(self, model):
         return None
 """
 

@@ -80,7 +80,7 @@ class Chill(Modality):
     """Cools the pad while the finger touches anything."""
 
     Params = Cold
-    hears = frozenset({Contact.BEGIN, Contact.END})
+    subscribes_to = frozenset({Contact.BEGIN, Contact.END})
 
     def compile(self, name, params, world):
         return (f"{name}.on", f"{params.pad}.command.target", params)

@@ -44,7 +44,7 @@ class Low(Modality):
     """Measures the contact's force, as State has it, and does what else a test wants."""
 
     Params = Params
-    hears = frozenset()  # then nothing of an end is left to Python
+    subscribes_to = frozenset()  # then nothing of an end is left to Python
 
     def __init__(self) -> None:
         self.asked: Callable[[], object] = int

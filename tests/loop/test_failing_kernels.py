@@ -11,7 +11,7 @@ from test_failing_plugins import Hum, Rod, RodTwin, engine
 
 import itouch
 from itouch import joining
-from itouch.plugin import Bound, Contact, Device, Field, HeardContact, Modality, Record, TwinInputs
+from itouch.plugin import Bound, Contact, ContactArrays, Device, Field, Modality, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.safety import Trip
 
@@ -66,7 +66,7 @@ def updating(most: int) -> tuple[type[Modality], None]:
 
 def hearing(most: int) -> tuple[type[Modality], None]:
     class Quick(Hum):
-        hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END})
+        subscribes_to = frozenset({Contact.NEAR, Contact.BEGIN, Contact.MOVE, Contact.END})
 
         def bound_update(self, model: Any, state: Record, period: float) -> Bound:
             return Bound(_last, state["hum.count"], 1 << 40)
@@ -74,7 +74,7 @@ def hearing(most: int) -> tuple[type[Modality], None]:
         def update(self, model: Any, state: Record, period: float) -> None:
             self.bound_update(model, state, period)()
 
-        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound:
+        def bound_contact(self, model: Any, state: Record, event: ContactArrays) -> Bound:
             return Bound(_hear, event, state["hum.count"], most)
 
     return Quick, None

@@ -310,7 +310,7 @@ def test_ctrl_c_while_the_entry_of_a_contact_is_made_does_not_lose_it(tmp_path: 
             raise KeyboardInterrupt
         return {}
 
-    session = engine(tmp_path, type("Deaf", (Hum,), {"measures": act, "hears": frozenset()}))
+    session = engine(tmp_path, type("Deaf", (Hum,), {"measures": act, "subscribes_to": frozenset()}))
     with pytest.raises(KeyboardInterrupt):
         session.run()
     (contact,) = session.report()["contacts"]
@@ -601,12 +601,12 @@ def test_a_compiled_form_of_a_twin_that_is_none_is_a_problem_of_the_scene(
     ids=["number", "exits"],
 )
 def test_words_that_fail_are_told_in_their_place(tmp_path: Path, act: Callable[[], Any], why: str) -> None:
-    own = {method: (lambda self, model, of: act()) for method in ("ended", "remarks", "status")}
+    own = {method: (lambda self, model, of: act()) for method in ("contact_summary", "contact_warnings", "status")}
     session = engine(tmp_path, type("Odd", (Hum,), own))
     (one,) = session.model.modalities
     entry: dict[str, Any] = {"probe": "finger", "object": "block"}
     said_by = {
-        "ended": contact_report.ended(one, entry), "remarks": " ".join(contact_report.remarks(one, entry)),
+        "contact_summary": contact_report.contact_summary(one, entry), "contact_warnings": " ".join(contact_report.contact_warnings(one, entry)),
         "status": contact_report.status(one, session.state),
     }  # fmt: skip
     for method, words in said_by.items():
@@ -614,9 +614,13 @@ def test_words_that_fail_are_told_in_their_place(tmp_path: Path, act: Callable[[
 
 
 def test_nothing_and_one_text_are_words_too(tmp_path: Path) -> None:
-    own = {"ended": lambda *rest: None, "remarks": lambda *rest: "it was soft", "status": lambda *rest: ""}
+    own = {
+        "contact_summary": lambda *rest: None,
+        "contact_warnings": lambda *rest: "it was soft",
+        "status": lambda *rest: "",
+    }
     (one,) = engine(tmp_path, type("Terse", (Hum,), own)).model.modalities
-    assert (contact_report.ended(one, {}), contact_report.remarks(one, {})) == ("", ("it was soft",))
+    assert (contact_report.contact_summary(one, {}), contact_report.contact_warnings(one, {})) == ("", ("it was soft",))
 
 
 @kernel
@@ -653,8 +657,8 @@ def test_a_call_that_can_not_be_joined_is_a_problem_of_the_scene(tmp_path: Path,
 
 
 DECLARED = [
-    ("hears", Contact.BEGIN), ("hears", frozenset({"begin"})), ("measured", Measured("a", "1", "a figure")),
-    ("goes_on", "count"), ("dropped", "count"), ("keeps_to", "clearance"),
+    ("subscribes_to", Contact.BEGIN), ("subscribes_to", frozenset({"begin"})), ("measured", Measured("a", "1", "a figure")),
+    ("persistent_fields", "count"), ("removed_fields", "count"), ("probe_attributes", "clearance"),
 ]  # fmt: skip
 
 

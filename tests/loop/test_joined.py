@@ -19,7 +19,7 @@ from test_failing_plugins import SCENE, Hum, engine
 import itouch
 from itouch.loop import Engine
 from itouch.loop.device_runner import DeviceFaultError
-from itouch.plugin import Bound, Contact, ContactEvent, Device, Field, HeardContact, Record, TwinInputs
+from itouch.plugin import Bound, Contact, ContactArrays, ContactEvent, Device, Field, Record, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckError, NotApplicableError
@@ -121,12 +121,12 @@ def _hear(event: Any, count: Any, left: int) -> int:
 
 def _hearing(tmp_path: Path, left: int, elsewhere: str = "") -> Engine:
     class Quick(Hum):
-        hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
+        subscribes_to = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
 
         def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
             state["hum.count"][...] += 1000 + 100 * event.kind
 
-        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound:
+        def bound_contact(self, model: Any, state: Record, event: ContactArrays) -> Bound:
             count = state[elsewhere or "hum.count"]
             return Bound(_hear, event, np.asarray(_Address(count.ctypes.data)), left)
 
@@ -154,16 +154,16 @@ def _note(event: Any, count: Any, begun: Any) -> int:
 @pytest.mark.parametrize("compiled", [True, False])
 def test_the_first_move_comes_in_the_tick_after_the_beginning(tmp_path: Path, compiled: bool) -> None:
     class Follower(Hum):
-        hears = frozenset({Contact.BEGIN, Contact.MOVE})
+        subscribes_to = frozenset({Contact.BEGIN, Contact.MOVE})
 
         def fields(self, model: Any) -> tuple[Field, ...]:
             return Field("count", "i8"), Field("begun", "i8")
 
         def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
-            numbers = HeardContact.of(event, 0)
+            numbers = ContactArrays.of(event, 0)
             Bound(_note, numbers, state["hum.count"].reshape(1), state["hum.begun"].reshape(1)).run()
 
-        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound | None:
+        def bound_contact(self, model: Any, state: Record, event: ContactArrays) -> Bound | None:
             own = state["hum.count"].reshape(1), state["hum.begun"].reshape(1)
             return Bound(_note, event, *own) if compiled else None
 
@@ -177,16 +177,16 @@ def test_the_first_move_comes_in_the_tick_after_the_beginning(tmp_path: Path, co
 def test_an_heir_that_hears_of_less_is_not_told_of_more(tmp_path: Path) -> None:
 
     class Quick(Hum):
-        hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
+        subscribes_to = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
 
         def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
             state["hum.count"][...] += 1000 + 100 * event.kind
 
-        def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound:
+        def bound_contact(self, model: Any, state: Record, event: ContactArrays) -> Bound:
             return Bound(_hear, event, state["hum.count"].reshape(1), 9)
 
     class Few(Quick):
-        hears = frozenset({Contact.BEGIN})
+        subscribes_to = frozenset({Contact.BEGIN})
 
     found = engine(tmp_path, Few)
     found.run(0.35)

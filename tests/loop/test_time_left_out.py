@@ -73,7 +73,7 @@ class Asked(Modality):
     def update(self, model: str, state: Record, period: float) -> None:
         """Nothing."""
 
-    def left_out(self, model: str, state: Record, seconds: float) -> None:
+    def on_skipped_time(self, model: str, state: Record, seconds: float) -> None:
         self.heard.append(seconds)
         if self.fails:
             raise RuntimeError("there is no time")
@@ -197,7 +197,7 @@ def test_what_it_raises_then_is_a_fault(sessions: Any) -> None:
     session = sessions("<asked:told/>")
     session.run(0.01)
     Asked.fails = True
-    with pytest.raises(DeviceFaultError, match=r"left_out.*there is no time"):
+    with pytest.raises(DeviceFaultError, match=r"on_skipped_time.*there is no time"):
         session.leave_out(0.03, running=True)
     assert session.status("stick") is not Status.ENABLED
     (fault,) = session.report()["faults"]

@@ -40,7 +40,7 @@ class Buzz(Modality):
     """Counts its contacts and makes figures of that."""
 
     Params = Params
-    hears = frozenset({Contact.BEGIN})
+    subscribes_to = frozenset({Contact.BEGIN})
     measured = (
         Measured("vibration_m_s2", "m/s^2", "strongest vibration of the contact", digits=1, worst="greatest vibration"),
         Measured("missed_share", "1", "share of the vibration that was missed", "missed", digits=0, percent=True),
@@ -73,11 +73,11 @@ class Buzz(Modality):
         count = float(state[f"{model.name}.count"])
         return {"vibration_m_s2": 4.25 * count, "missed_share": 0.125, "grip": "<b>loose", "word": "w", "beside": 7.0}
 
-    def ended(self, model, entry):
+    def contact_summary(self, model, entry):
         """Say the strongest."""
         return f"shaken by {entry['vibration_m_s2']:.1f} m/s2"
 
-    def remarks(self, model, entry):
+    def contact_warnings(self, model, entry):
         """Fail, as strangers may."""
         raise RuntimeError("no words")
 
@@ -130,7 +130,7 @@ def test_the_terminals_table_has_them(made):
 
 
 def test_words_that_fail_are_told_and_end_nothing(made):
-    assert "failed in remarks: " in made[1] and "no words" in made[1] and "simulated in" in made[1]
+    assert "failed in contact_warnings: " in made[1] and "no words" in made[1] and "simulated in" in made[1]
 
 
 def test_the_page_has_them(made):

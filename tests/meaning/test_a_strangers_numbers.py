@@ -173,7 +173,7 @@ def test_what_an_older_plugin_leaves_unsaid_is_told_and_runs():
 
     assert any("'squeeze'" in sentence and "doc=" in sentence for sentence in Old.undeclared)
     assert any("'share'" in sentence and 'unit="1"' in sentence for sentence in Old.undeclared)
-    assert any("timing = Timing(blocking=...)" in sentence for sentence in Old.outdated)
+    assert any("timing = Timing(blocking=...)" in sentence for sentence in Old.deprecations)
 
 
 def test_a_temperature_of_which_nobody_says_what_it_is_is_refused():

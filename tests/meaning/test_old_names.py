@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 import pytest
 
 import itouch.plugin
-from itouch.plugin import Attached, Device, Field, OperatorInput, Record, Role, Twin, temperature
+from itouch.moved import HasOldNames
+from itouch.plugin import Attached, Contact, Device, Field, OperatorInput, Record, Role, Twin, temperature
 from itouch.testing import DeviceHarness, DeviceTests
 
 
@@ -59,7 +62,9 @@ def test_an_older_device_is_found_led_and_stands_in_its_room() -> None:
 
 
 def test_what_is_called_otherwise_now_is_told_once_each() -> None:
-    told = " ".join((*Older.outdated, *Older.Twin.outdated))
+    told = " ".join((*Older.deprecations, *Older.Twin.deprecations))
+    with pytest.warns(DeprecationWarning, match="'outdated' is 'deprecations' now: use that"):
+        assert Older.outdated == Older.deprecations  # type: ignore[attr-defined]
     for old, new in (("led_by", "input_source"), ("attached", "discover"), ("stand", "set_environment")):
         assert told.count(f"'{old}'") == 1 and f"'{new}'" in told
 
@@ -69,8 +74,119 @@ def test_old_names_that_are_used_warn_and_are_what_they_were() -> None:
         assert itouch.plugin.Touch is itouch.plugin.TwinInputs  # type: ignore[attr-defined]
     with pytest.warns(DeprecationWarning, match="input_source"):
         assert OperatorInput(led_by="keyboard") == OperatorInput(input_source="keyboard")
+    for old, new in (("Carries", "SurfaceFields"), ("Touches", "ContactFields"), ("HeardContact", "ContactArrays")):
+        with pytest.warns(DeprecationWarning, match=f"'itouch.plugin.{old}' is '{new}' now: import that"):
+            assert getattr(itouch.plugin, old) is getattr(itouch.plugin, new)
     with pytest.raises(AttributeError, match="no attribute 'Tuch'"):
         _ = itouch.plugin.Tuch  # type: ignore[attr-defined]
+
+
+def _old_names() -> list[tuple[type[HasOldNames], str, str]]:
+    """Return class, old and new name of each member that has another name now."""
+    bases = [getattr(itouch.plugin, name) for name in itouch.plugin.__all__]
+    kinds = dict.fromkeys(kind for base in bases if isinstance(base, type) for kind in base.__mro__)
+    kept = [kind for kind in kinds if issubclass(kind, HasOldNames)]
+    return [(kind, *names) for kind in kept for names in vars(kind).get("_OLD_NAMES", {}).items()]
+
+
+def _made(base: type, **members: Any) -> type:
+    """Return a class made of a base, without what its abstract methods would have to say."""
+    made = type("Made", (base,), {"reads": (), **members} if issubclass(base, Device) else members)
+    made.__abstractmethods__ = frozenset()  # type: ignore[attr-defined]
+    return made
+
+
+@pytest.mark.parametrize(("base", "old", "new"), _old_names())
+def test_a_member_that_a_plugin_defines_by_its_old_name_is_the_member(base: type, old: str, new: str) -> None:
+    member = inspect.getattr_static(base, new)
+    if isinstance(member, FunctionType | classmethod):
+        wrapped = type(member) if isinstance(member, classmethod) else (lambda method: method)
+        older = _made(base, **{old: wrapped(lambda *given: "its own")})
+        assert getattr(object.__new__(older), new)() == "its own"
+    else:
+        value = property(lambda self: "its own") if isinstance(member, property) else "its own"
+        older = _made(base, **{old: value})
+        assert getattr(object.__new__(older), new) == "its own"
+    assert [one for one in older.deprecations if f"'{old}'" in one] == [f"'{old}' of Made is '{new}' now: rename it"]
+    assert _made(older).deprecations == older.deprecations  # told once, not by each class below
+
+
+@pytest.mark.parametrize(("base", "old", "new"), _old_names())
+def test_a_member_is_reached_by_its_old_name_with_a_warning(base: type, old: str, new: str) -> None:
+    member = inspect.getattr_static(base, new)
+    if isinstance(member, FunctionType | classmethod):
+        wrapped = type(member) if isinstance(member, classmethod) else (lambda method: method)
+        one = object.__new__(_made(base, **{new: wrapped(lambda *given: "its own")}))
+        with pytest.warns(DeprecationWarning, match=f"'{old}' is '{new}' now: call that") as told:
+            assert getattr(one, old)() == "its own"
+    else:
+        one = object.__new__(_made(base, **{new: "its own"}))
+        with pytest.warns(DeprecationWarning, match=f"'{old}' is '{new}' now: use that") as told:
+            assert getattr(one, old) == "its own"
+    assert len(told) == 1 and told[0].filename == __file__  # at the plugin's line
+
+
+@pytest.mark.parametrize(("base", "old", "new"), _old_names())
+def test_what_an_older_class_calls_of_its_parent_is_what_the_parent_does(base: type, old: str, new: str) -> None:
+    member = inspect.getattr_static(base, new)
+    if not isinstance(member, FunctionType | classmethod):
+        pytest.skip("it is a value")
+    wrapped = type(member) if isinstance(member, classmethod) else (lambda method: method)
+    newer = _made(base, **{new: wrapped(lambda *given: ["parent"])})
+
+    def own(self: Any) -> list[str]:
+        found: list[str] = [*getattr(super(older, self), old)(), "child"]
+        return found
+
+    older = _made(newer, **{old: wrapped(own)})
+    for name in (old, new):
+        with pytest.warns(DeprecationWarning, match=f"'{old}' is '{new}' now: call that"):
+            assert getattr(object.__new__(older), name)() == ["parent", "child"]
+
+
+def test_a_value_that_is_set_by_one_name_is_read_by_the_other() -> None:
+    older = _made(itouch.plugin.Modality, hears=frozenset({Contact.END}))
+    for one in (object.__new__(older), object.__new__(_made(itouch.plugin.Modality))):
+        with pytest.warns(DeprecationWarning, match="'hears' is 'subscribes_to' now: set that"):
+            one.hears = frozenset({Contact.BEGIN})
+        assert one.subscribes_to == frozenset({Contact.BEGIN})
+        one.subscribes_to = frozenset()
+        with pytest.warns(DeprecationWarning, match="'hears' is 'subscribes_to' now: use that"):
+            assert one.hears == frozenset()
+
+
+#: What is made with which old keywords -> by which new ones.
+KEYWORDS: list[tuple[type, dict[str, Any], dict[str, Any], dict[str, str]]] = [
+    (OperatorInput, {}, {"led_by": "mouse"}, {"led_by": "input_source"}),
+    (itouch.plugin.ContactFields, {"probe": "tip"}, {"damped": True}, {"damped": "add_damping"}),
+    (
+        itouch.plugin.SurfaceFields,
+        dict.fromkeys(("probe", "device", "renders", "present", "distance", "gap"), "a"),
+        {"coming": "c", "missed": "m", "yields": "y", "presses": "p", "risen": "r"},
+        {
+            "coming": "remaining_distance", "missed": "fault", "yields": "yield_distance",
+            "presses": "pressing_force", "risen": "height_correction",
+        },
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("cls", "rest", "given", "names"), KEYWORDS)
+def test_old_keywords_and_attributes_of_named_values_are_understood(
+    cls: Any, rest: dict[str, Any], given: dict[str, Any], names: dict[str, str]
+) -> None:
+    newer = cls(**rest, **{names[old]: value for old, value in given.items()})
+    for old, value in given.items():
+        with pytest.warns(
+            DeprecationWarning, match=f"{cls.__name__}: '{old}' is '{names[old]}' now: write that"
+        ) as told:
+            older = cls(**rest, **{old: value})
+        assert told[0].filename == __file__ and getattr(older, names[old]) == value
+        with pytest.warns(DeprecationWarning, match=f"'{old}' is '{names[old]}' now: use that"):
+            assert getattr(newer, old) == value
+        if isinstance(newer, tuple):
+            with pytest.warns(DeprecationWarning, match=f"'{old}' is '{names[old]}' now: write that"):
+                assert newer._replace(**{old: value}) == newer  # type: ignore[attr-defined]
 
 
 def test_new_names_are_reached_by_their_old_ones_from_outside() -> None:
@@ -161,7 +277,7 @@ def test_a_twin_that_takes_the_method_from_beside_its_base_has_it_under_both_nam
                 warnings.simplefilter("ignore")
                 getattr(twin, name)(290.0, None)
             assert twin.room == 290.0, (beside.__name__, name)
-    assert "OlderBeside" in type("Mixed", (OlderBeside, Twin), parts).outdated[0]
+    assert "OlderBeside" in type("Mixed", (OlderBeside, Twin), parts).deprecations[0]
 
 
 def test_an_older_device_made_of_a_newer_one_finds_what_its_parent_finds() -> None:

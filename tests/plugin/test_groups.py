@@ -16,7 +16,7 @@ def test_a_group_that_is_declared_with_nothing_in_it_is_none(name: str) -> None:
     declared: Any = type("Declared", (Device,), {name: GROUPS[name]()})
     for member in fields(GROUPS[name]):
         assert getattr(declared, member.name) == getattr(Device, member.name), member.name
-    assert declared.outdated == ()
+    assert declared.deprecations == ()
 
 
 def test_one_that_may_be_opened_by_another_process_does_not_move_when_it_is() -> None:

@@ -322,7 +322,7 @@ def test_a_dozen_remarks_stand_below_the_table_and_the_others_are_counted(
 ) -> None:
     monkeypatch.setattr(sections, "measured", lambda model, entries: ())
     monkeypatch.setattr(sections.columns, "shortcomings", lambda model, entry: [])
-    monkeypatch.setattr(sections.columns, "remarks", lambda model, entry: [f"remark {entry['begin_s']}"])
+    monkeypatch.setattr(sections.columns, "contact_warnings", lambda model, entry: [f"remark {entry['begin_s']}"])
     entries = [{"object": "wood", "begin_s": float(n)} for n in range(count)]
     found = sections.contacts(SimpleNamespace(contacts=entries, model=SimpleNamespace(probes=[1]), curves=None))
     assert list(found.remarks) == [f"remark {n}.0" for n in range(shown)]

@@ -115,7 +115,7 @@ def test_a_wider_type_keeps_the_numbers(saved: Path) -> None:
 
 def test_a_field_that_a_plugin_does_not_need_any_more_is_left_out(saved: Path) -> None:
     new = modality(COUNT, Field("level", "f4", 3))
-    new.dropped = frozenset({"old"})
+    new.removed_fields = frozenset({"old"})
     session = itouch.restore(saved, catalog=catalog(new, "1.1"))
     assert int(session.state["hum.count"]) == 57
     assert session.state["hum.level"].tolist() == [7.0] * 3
@@ -123,7 +123,7 @@ def test_a_field_that_a_plugin_does_not_need_any_more_is_left_out(saved: Path) -
 
 def test_a_row_that_has_become_longer_keeps_what_was_stored_where_the_plugin_says_so(saved: Path) -> None:
     longer = modality(COUNT, Field("level", "f4", 5), Field("old", "i4"))
-    longer.lengthened = frozenset({"level"})
+    longer.extended_fields = frozenset({"level"})
     session = itouch.restore(saved, catalog=catalog(longer, "1.1"))
     assert int(session.state["hum.count"]) == 57 and session.state["hum.level"].tolist() == [7.0] * 5
     stored = np.zeros(1, np.dtype([("a", "f8", (2, 2)), ("b", "f8", 3), ("c", "i8")]))
@@ -131,12 +131,12 @@ def test_a_row_that_has_become_longer_keeps_what_was_stored_where_the_plugin_say
     others = (Field("b", "f8", 3), Field("c", "i8"))
     fresh = Record.of((Field("a", "f8", (2, 3)), *others))
     fresh["a"][...] = 9.0
-    content, _ = adopt(stored, fresh, {}, ChangedFields(lengthened=frozenset({"a", "b"})))
+    content, _ = adopt(stored, fresh, {}, ChangedFields(extended_fields=frozenset({"a", "b"})))
     assert np.frombuffer(content, fresh.dtype)["a"][0].tolist() == [[1.0, 2.0, 9.0], [3.0, 4.0, 9.0]]
     assert np.frombuffer(content, fresh.dtype)["b"][0].tolist() == [5.0] * 3
     for other in (Field("a", "f8", (2, 1)), Field("a", "f8", (3, 3)), Field("a", "f4", (2, 3))):
         with pytest.raises(itouch.SessionError, match="! a: "):
-            adopt(stored, Record.of((other, *others)), {}, ChangedFields(lengthened=frozenset({"a"})))
+            adopt(stored, Record.of((other, *others)), {}, ChangedFields(extended_fields=frozenset({"a"})))
 
 
 @pytest.mark.parametrize(

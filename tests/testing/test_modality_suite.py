@@ -177,7 +177,7 @@ def test_a_good_modality_is_not_blamed():
 class HearsBegins(Counter):
     """Counts touches, and wants to hear of nothing else."""
 
-    hears = frozenset((Contact.BEGIN,))
+    subscribes_to = frozenset((Contact.BEGIN,))
 
     def on_contact(self, event, model, state):
         state[f"{model['name']}.x"] += 1.0

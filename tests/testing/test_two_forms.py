@@ -11,7 +11,7 @@ import pytest
 from slider import Slider, SliderTwin
 from test_modality_suite import Counter, harness
 
-from itouch.plugin import Bound, Contact, ContactEvent, Field, HeardContact, Record, Twin, TwinInputs
+from itouch.plugin import Bound, Contact, ContactArrays, ContactEvent, Field, Record, Twin, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
 from itouch.testing.checks import CheckResult
@@ -63,7 +63,7 @@ def _hear(which: int, event: Any, heard: Any, last: Any) -> int:
 class Both(Counter):
     """Counts updates, and hears of beginnings and ends; both also compiled."""
 
-    hears = frozenset({Contact.BEGIN, Contact.END})
+    subscribes_to = frozenset({Contact.BEGIN, Contact.END})
     which: ClassVar[int] = 0
 
     def fields(self, model: Any) -> tuple[Field, ...]:
@@ -93,7 +93,7 @@ class Both(Counter):
         if event.kind is Contact.BEGIN:
             last[...] = event.speed
 
-    def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound:
+    def bound_contact(self, model: Any, state: Record, event: ContactArrays) -> Bound:
         return Bound(_hear, self.which, event, *self._own(model, state, "heard", "last"))
 
 

@@ -17,7 +17,7 @@ from itouch.loop.event_detection import BEGIN
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.surface.surface_memory import MISSED, RENDERS, SETTLED, WITHDRAWN
 from itouch.loop.touch import ContactStep
-from itouch.plugin import Bound, HeardContact, Modality, Record
+from itouch.plugin import Bound, ContactArrays, Modality, Record
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.twin.finger_coupling import Coupling
 from itouch.world import Model
@@ -115,7 +115,7 @@ def _begin(entry: Any, plate: Any, touched: Any, figures: Any, known: Any, event
     """Begin an entry if the event is BEGIN; return 0.
 
     ``plate`` and ``touched`` (1,): whether the plate is there, and the tick in which it was touched first; ``known``
-    (1,): height of its top [m], or (0,): there is no plate; ``event`` is the `HeardContact`.
+    (1,): height of its top [m], or (0,): there is no plate; ``event`` is the `ContactArrays`.
     """
     if event.kind[0] != BEGIN:
         return 0
@@ -164,7 +164,7 @@ class ContactLog:
         self._touched = [(element.name, element.material) for element in model.scene.objects]
         self._measuring = [one for one in model.modalities if _measured(one.instance)]
 
-    def begins(self, event: HeardContact) -> Bound:
+    def begins(self, event: ContactArrays) -> Bound:
         """Return the call that begins an entry if ``event``, whose numbers are written later, is a BEGIN."""
         contact_step, touched = self._contact_step, self._coupling.touched
         return Bound(_begin, self._now.entry, contact_step.plate, touched, contact_step.figures, self._top, event)

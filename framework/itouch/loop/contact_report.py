@@ -150,14 +150,14 @@ def status(modality: ModalityModel, state: Record) -> str:
     return " ".join(_words(modality, "status", state))
 
 
-def ended(modality: ModalityModel, entry: Mapping[str, Any]) -> str:
+def contact_summary(modality: ModalityModel, entry: Mapping[str, Any]) -> str:
     """Return a modality's few words on a contact that has ended, or in what it has failed; empty: nothing."""
-    return " ".join(_words(modality, "ended", own_view(modality, entry)))
+    return " ".join(_words(modality, "contact_summary", own_view(modality, entry)))
 
 
-def remarks(modality: ModalityModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
+def contact_warnings(modality: ModalityModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what a modality says was wrong in a contact, or in what it has failed itself."""
-    return _words(modality, "remarks", own_view(modality, entry))
+    return _words(modality, "contact_warnings", own_view(modality, entry))
 
 
 def _words(modality: ModalityModel, method: str, of: Any) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Contact events of a probe in a tick, found in compiled code: NEAR, then END and BEGIN, or MOVE; kept in State.
 
-In every function ``seen`` is `EventInputs`, ``kept`` an `EventMemory`, ``event`` a `HeardContact` and ``ended`` an
+In every function ``seen`` is `EventInputs`, ``kept`` an `EventMemory`, ``event`` a `ContactArrays` and ``ended`` an
 `Ended`.
 """
 
@@ -16,7 +16,7 @@ from itouch.contact import layout as at
 from itouch.joining import run_chain
 from itouch.loop import render
 from itouch.loop.probe_steps import quiet
-from itouch.plugin import Contact, HeardContact
+from itouch.plugin import Contact, ContactArrays
 from itouch.world.state import EVENT_DTYPE
 
 Floats = NDArray[np.float64]
@@ -260,7 +260,7 @@ def tell(
             return 0
 
 
-def silent() -> HeardContact:
+def silent() -> ContactArrays:
     """Return the numbers of an event, all 0, into which events are written."""
     sizes = (3, 3, 1, 1, 3, 1, 1, 1, 1)
-    return HeardContact._make([*(np.zeros(1, np.int64) for _ in range(4)), *(np.zeros(size) for size in sizes)])
+    return ContactArrays._make([*(np.zeros(1, np.int64) for _ in range(4)), *(np.zeros(size) for size in sizes)])

@@ -18,7 +18,7 @@ from itouch.loop.fault_attribution import foreign_write, modality_fault, with_re
 from itouch.loop.probe_rig import ProbeRig
 from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.write_access import WriteGuard
-from itouch.plugin import Bound, Contact, HeardContact, Record
+from itouch.plugin import Bound, Contact, ContactArrays, Record
 from itouch.plugin.bound import bound_by
 from itouch.plugin.write_protection import WriteProtectedRecord
 from itouch.schema.plugin_errors import failing
@@ -33,9 +33,9 @@ _LAST = frozenset({event_detection.BEGIN, event_detection.MOVE})
 class _Listener:
     """A modality that hears of contacts: by a compiled call between those of its fence, or in Python."""
 
-    def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record, event: HeardContact) -> None:
+    def __init__(self, model: Model, one: ModalityModel, view: Record, state: Record, event: ContactArrays) -> None:
         self.one, self.view, self.fence = one, view, WriteGuard([one], state)
-        self.kinds = frozenset(int(kind) for kind in one.instance.hears)
+        self.kinds = frozenset(int(kind) for kind in one.instance.subscribes_to)
         bound: tuple[Bound, ...] = ()
         if self.kinds and self._joins():
             with failing(f"modality '{one.name}'", "bound_contact", model.place_of(one.name)):
@@ -48,17 +48,19 @@ class _Listener:
     def _joins(self) -> bool:
         """Tell whether a compiled call may replace ``on_contact``: no subclass, nor instance, overrides it alone.
 
-        Nor may one override ``hears`` alone, because compiled code itself leaves out what it does not hear.
+        Nor may one override ``subscribes_to`` alone, because compiled code itself leaves out what it does not hear.
         """
         instance = self.one.instance
-        own = {"on_contact", "hears"} & set(getattr(instance, "__dict__", ()))
-        return not own and all(is_newest(type(instance), "bound_contact", alone) for alone in ("on_contact", "hears"))
+        own = {"on_contact", "subscribes_to"} & set(getattr(instance, "__dict__", ()))
+        return not own and all(
+            is_newest(type(instance), "bound_contact", alone) for alone in ("on_contact", "subscribes_to")
+        )
 
 
 class _Probe:
     """A probe with the calls that find and deliver its contact events."""
 
-    def __init__(self, rig: ProbeRig, moves: bool, event: HeardContact, ended: event_detection.Ended) -> None:
+    def __init__(self, rig: ProbeRig, moves: bool, event: ContactArrays, ended: event_detection.Ended) -> None:
         self.rig, arguments = rig, rig.contact_step.happens(moves, event)
         self.next = Bound(event_detection.next_told, *arguments, ended)
         self.begins, self.ends = (
@@ -90,7 +92,7 @@ class Events:
         self._event = event_detection.silent()
         self._listeners = [_Listener(model, one, views[one.name], state, self._event) for one in model.modalities]
         #: Whether any modality hears MOVE, an event in each tick of a contact.
-        self._moves = any(Contact.MOVE in one.instance.hears for one in model.modalities)
+        self._moves = any(Contact.MOVE in one.instance.subscribes_to for one in model.modalities)
         kept = state.copy()
         seen = WriteProtectedRecord(kept, ())
         self._ended = _ended(state, kept)
@@ -260,8 +262,8 @@ class Events:
         """
         for listener in self._listeners:
             one = listener.one
-            call = partial(one.instance.left_out, one.model, listener.view, seconds)
-            self._call(one, listener.fence, "left_out", tick, call)
+            call = partial(one.instance.on_skipped_time, one.model, listener.view, seconds)
+            self._call(one, listener.fence, "on_skipped_time", tick, call)
 
     def _tell(self, probe: _Probe, listener: _Listener) -> None:
         """Tell a modality of the event in Python."""

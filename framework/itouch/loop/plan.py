@@ -243,7 +243,8 @@ def _contacts(
     """Yield the steps that find what each probe touches, by the framework's proxy or as a modality computes it."""
     own = {rig.probe.name: one for rig in rigs if (one := model.contact_of(rig.probe.name)) is not None}
     yield from (steps.follow(rig) for rig in rigs if rig.probe.name in own)
-    if given := [one for one in model.modalities if one.touches and one.touches.probe in own]:  # in their own order
+    given = [one for one in model.modalities if one.contact_fields and one.contact_fields.probe in own]
+    if given:  # in their own order
         yield from _fenced(given, model, views, [WriteGuard(given, state)], " contacts")
     for rig in rigs:
         one = own.get(rig.probe.name)
@@ -262,7 +263,7 @@ def _rendering(
     yield from (steps.look_below(rig) for rig, _ in carried)
     between = [*(steps.carried(rig, one, state, model) for rig, one in carried), *map(steps.force, rigs), *supervised]
     carriers = [one for _, one in carried]
-    others = [one for one in model.modalities if one.carries is None and one.touches is None]
+    others = [one for one in model.modalities if one.surface_fields is None and one.contact_fields is None]
     if not carriers or not others:
         yield from _fenced(carriers, model, views, [WriteGuard(carriers, state)], " surfaces")
         yield from between

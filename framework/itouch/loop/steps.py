@@ -142,7 +142,7 @@ def contact(rig: ProbeRig, model: Model) -> Step:
 
 def given_contact(rig: ProbeRig, model: Model, one: ModalityModel) -> Step:
     """Take over what a modality says of the contact that it has computed."""
-    said = () if one.touches is None else _of(one.name, *one.touches.said)
+    said = () if one.contact_fields is None else _of(one.name, *one.contact_fields.declared)
     reads, written = _found(rig)
 
     def answer(code: int, tick: int, ready: bool) -> None:
@@ -154,7 +154,7 @@ def given_contact(rig: ProbeRig, model: Model, one: ModalityModel) -> Step:
 
 def _wrong(code: int, one: ModalityModel, model: Model) -> str:
     """Return what is wrong with what a modality says of its contact, by the code of `itouch.contact.stated_contact`."""
-    touches = one.touches
+    touches = one.contact_fields
     if touches is None:
         return ""
     if code == NO_SUCH_OBJECT:
@@ -164,7 +164,7 @@ def _wrong(code: int, one: ModalityModel, model: Model) -> str:
         return f"the normal in '{one.name}.{touches.normal or touches.found}' must have the length 1"
     if code == NOT_A_RESULT:
         return f"'{one.name}.{touches.found}' has a number of contacts, a share or a distance that no contact can have"
-    return f"one of {', '.join(_of(one.name, *touches.said))} is not a finite number, or beyond {GREATEST:g}"
+    return f"one of {', '.join(_of(one.name, *touches.declared))} is not a finite number, or beyond {GREATEST:g}"
 
 
 def look_below(rig: ProbeRig) -> Step:
@@ -195,7 +195,7 @@ def look_below(rig: ProbeRig) -> Step:
 def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:
     """Take over what a modality says of the surface that it carries; touch-off and T4 overrule it."""
     reads, writes, goal = _surface_fields(rig)
-    said = () if one.carries is None else _of(one.name, *one.carries.said)
+    said = () if one.surface_fields is None else _of(one.name, *one.surface_fields.declared)
 
     def answer(code: int, tick: int, ready: bool) -> None:
         for field in said:
@@ -245,7 +245,7 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) 
     """Tell logs and modalities what contacts have begun and ended; it looks itself at the fence that it is in."""
     probes = [rig.probe.name for rig in rigs]
     noted = tuple(f"{name}.{field}" for name in probes for field in ("near_object", "contact.*"))
-    heard = tuple(name for one in model.modalities if one.instance.hears for name in shown_fields(one, state))
+    heard = tuple(name for one in model.modalities if one.instance.subscribes_to for name in shown_fields(one, state))
     reads = tuple(f"{name}.*" for name in probes)
     return joinable(
         "events", events.bounds, (*reads, *heard, "objects.*"), (*noted, *heard, "events.*"),
@@ -254,7 +254,7 @@ def tell(model: Model, events: Events, rigs: Sequence[ProbeRig], state: Record) 
 
 
 def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[WriteGuard]) -> Step:
-    """Update a modality, or call its ``between`` in a tick without an update; what it raises is a fault."""
+    """Update a modality, or in a tick without an update call its ``on_intermediate_tick``; errors are faults."""
     update, compiled, every, period = one.instance.update, one.model, one.every, model.period * one.every
 
     def run(tick: int, ready: bool) -> None:
@@ -262,9 +262,9 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[W
         try:
             if tick % every == 0:
                 update(compiled, state, period)
-            elif one.attends:
-                method = "between"
-                one.instance.between(compiled, state)
+            elif one.uses_intermediate_ticks:
+                method = "on_intermediate_tick"
+                one.instance.on_intermediate_tick(compiled, state)
         except KeyboardInterrupt as interrupted:  # Ctrl-C; whoever it was, it is told where it came
             interrupted.add_note(f"in {method} of modality '{one.name}'")
             raise
@@ -281,7 +281,7 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[W
     with failing(f"modality '{one.name}'", "reads", model.place_of(one.name)):
         reads = _reads(one)
     calls: tuple[Bound, ...] = ()
-    if (every == 1 or not one.attends) and _joins(one):
+    if (every == 1 or not one.uses_intermediate_ticks) and _joins(one):
         with failing(f"modality '{one.name}'", "bound_update", model.place_of(one.name)):
             calls = bound_by(one.instance.bound_update, compiled, state, period, several=True)
     if calls:
@@ -291,11 +291,11 @@ def modality(model: Model, one: ModalityModel, state: Record, around: Sequence[W
             lambda error, which, tick: fail("update", error, tick),
         )  # fmt: skip
         return replace(joined, every=every)
-    if every > 1 and not one.attends:  # between its updates Python has nothing to do
+    if every > 1 and not one.uses_intermediate_ticks:  # between its updates Python has nothing to do
         due = Bound(probe_steps.due, state["tick"], every)
         work = lambda code, tick, ready: run(tick, ready)  # noqa: E731
         return replace(joinable(one.name, due, reads, own, work), every=every, code=PYTHON)
-    return Step(one.name, run, reads, own, 1 if one.attends else every)
+    return Step(one.name, run, reads, own, 1 if one.uses_intermediate_ticks else every)
 
 
 def _reads(one: ModalityModel) -> tuple[str, ...] | None:

@@ -24,7 +24,7 @@ from itouch.loop.rigid_transforms import Frame
 from itouch.loop.surface import force, plate, surface_memory
 from itouch.loop.surface.force import SOON
 from itouch.monitors.surface_kernels import FingerAbove
-from itouch.plugin import Bound, Contact, ContactEvent, HeardContact, Record, Role, Touches
+from itouch.plugin import Bound, Contact, ContactArrays, ContactEvent, ContactFields, Record, Role
 from itouch.plugin.carried_surfaces import ABOUT, LEFT
 from itouch.twin.frame_rotation import FRAME
 from itouch.world import Model, ProbeModel
@@ -140,9 +140,9 @@ class ContactStep:
         world, mesh, figures = model.geometry.world, model.geometry.mesh, self.figures
         stiffness, damping = self._stiffness, self._damping
         one = model.contact_of(probe.name)
-        if one is not None and one.touches is not None:
-            calls = [self._bind_given(model, probe, state, one.name, one.touches)]
-            damping = damping if one.touches.damped else np.zeros_like(damping)
+        if one is not None and one.contact_fields is not None:
+            calls = [self._bind_given(model, probe, state, one.name, one.contact_fields)]
+            damping = damping if one.contact_fields.add_damping else np.zeros_like(damping)
         else:
             searched = Bound(
                 step, world, mesh, self._poses, self._twists, stiffness, figures[:3], probe.scene.radius,
@@ -178,7 +178,7 @@ class ContactStep:
             calls.append(beside)
         return tuple(calls)
 
-    def _bind_given(self, model: Model, probe: ProbeModel, state: Record, name: str, touches: Touches) -> Bound:
+    def _bind_given(self, model: Model, probe: ProbeModel, state: Record, name: str, touches: ContactFields) -> Bound:
         """Return the call that takes over what a modality says of the contact."""
         if touches.found:
             return Bound(found, model.geometry.world, state[f"{name}.{touches.found}"], self.result)
@@ -195,18 +195,20 @@ class ContactStep:
     def _bind_surface(self, model: Model, probe: ProbeModel, state: Record, table: Runner) -> None:
         """Bind the calls that show what the modality that carries a surface needs, and take over what it says."""
         one = model.carrier_to(probe.name)
-        if one is None or one.carries is None:
+        if one is None or one.surface_fields is None:
             return
+        fields = one.surface_fields
         here = table.read_as(Role.TRACKED_POSE)
         without = {
-            "coming": np.full(1, -1.0), "missed": np.zeros(1), "yields": np.full(1, -1.0), "presses": self._presses,
-            "risen": np.zeros(1),
+            "remaining_distance": np.full(1, -1.0), "fault": np.zeros(1), "yield_distance": np.full(1, -1.0),
+            "pressing_force": self._presses, "height_correction": np.zeros(1),
         }  # fmt: skip
         *said, self._presses, risen = (
             state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
-            for kind, field in zip(one.carries._fields[2:], one.carries[2:], strict=True)
+            for kind, field in zip(fields._fields[2:], fields[2:], strict=True)
         )
-        self.newer = tuple(f"{one.name}.{field}" for field in (one.carries.presses, one.carries.risen) if field)
+        newer = (fields.pressing_force, fields.height_correction)
+        self.newer = tuple(f"{one.name}.{field}" for field in newer if field)
         own = probe_steps.ProbeArrays(self._constants, self.figures, self.surface)
         objects = probe_steps.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
@@ -332,7 +334,7 @@ class ContactStep:
         """The views that show whether there is an event in a tick: the first arguments of `probe_steps.quiet`."""
         return self._nearest, self.near_object, self.current, self.object, self.separated
 
-    def happens(self, moves: bool, event: HeardContact) -> tuple[Any, ...]:
+    def happens(self, moves: bool, event: ContactArrays) -> tuple[Any, ...]:
         """Return the arguments of `event_detection.happens`; ``moves``: MOVE is an event, too."""
         seen = event_detection.EventInputs(
             self._nearest, self.object, self.figures, self.result, self._poses, self._twists, self._tick
@@ -343,7 +345,7 @@ class ContactStep:
         )  # fmt: skip
         return seen, kept, event, self.probe.index, self._moving, moves, self._patience
 
-    def event(self, heard: HeardContact) -> ContactEvent:
+    def event(self, heard: ContactArrays) -> ContactEvent:
         """Return an event from its numbers, for its delivery in Python."""
         kind, tick, _, index, point, normal, distance, speed, along, *rest = [part.tolist() for part in heard]
         return ContactEvent(

@@ -60,7 +60,7 @@ def _rehearse_touches(model: Model, scratch: Record) -> None:
 def _rehearse_event(model: Model, scratch: Record, views: Mapping[str, Record], event: ContactEvent) -> None:
     for modality in model.modalities:
         with failing(f"modality '{modality.name}'", "on_contact", model.place_of(modality.name)):
-            if event.kind in modality.instance.hears:
+            if event.kind in modality.instance.subscribes_to:
                 around = WriteGuard([modality], scratch)
                 modality.instance.on_contact(event, modality.model, views[modality.name])
                 around.mend()
@@ -84,9 +84,9 @@ def _read_anew(model: Model, scratch: Record, views: Mapping[str, Record]) -> No
         scratch[f"{name}.sequence"] += 1
         scratch[f"{name}.measured"] = scratch["tick"].item() - 1
     for modality in model.modalities:
-        with failing(f"modality '{modality.name}'", "between", model.place_of(modality.name)):
-            if modality.attends:
-                modality.instance.between(modality.model, views[modality.name])
+        with failing(f"modality '{modality.name}'", "on_intermediate_tick", model.place_of(modality.name)):
+            if modality.uses_intermediate_ticks:
+                modality.instance.on_intermediate_tick(modality.model, views[modality.name])
     _update(model, views)
 
 

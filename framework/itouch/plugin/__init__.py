@@ -27,7 +27,7 @@ from itouch.plugin.channel import (
     twist,
     wrench,
 )
-from itouch.plugin.contact_events import Contact, ContactEvent, HeardContact
+from itouch.plugin.contact_events import Contact, ContactArrays, ContactEvent
 from itouch.plugin.device import Attached, Device, DeviceError, Twin, TwinInputs
 from itouch.plugin.emulator import Emulator
 from itouch.plugin.fit import Fit, Fitted, line_through
@@ -35,7 +35,7 @@ from itouch.plugin.groups import Emulation, Mechanics, Opening, OperatorInput, T
 from itouch.plugin.ideal import IdealTwin
 from itouch.plugin.impedance import FingerTwin, ImpedanceArm
 from itouch.plugin.measured import Measured
-from itouch.plugin.modality import Carries, Modality, Touches
+from itouch.plugin.modality import ContactFields, Modality, SurfaceFields
 from itouch.plugin.monitor import Moment, Monitor, Rule, Watched
 from itouch.plugin.noise import gaussian
 from itouch.plugin.pseudo_terminal import Terminal
@@ -58,14 +58,14 @@ __all__ = [
     "ROTATIONS",
     "Attached",
     "Bound",
-    "Carries",
+    "SurfaceFields",
     "Channel",
     "Contact",
     "ContactEvent",
     "Device",
     "DeviceError",
     "Emulator",
-    "HeardContact",
+    "ContactArrays",
     "ImpedanceArm",
     "FingerTwin",
     "Timing",
@@ -91,7 +91,7 @@ __all__ = [
     "Safe",
     "Stamps",
     "Terminal",
-    "Touches",
+    "ContactFields",
     "TwinInputs",
     "Trace",
     "Twin",
@@ -126,7 +126,12 @@ __all__ = [
 ]
 
 #: Old name -> new name, kept for one version.
-_RENAMED = {"Touch": "TwinInputs"}
+_RENAMED = {
+    "Carries": "SurfaceFields",
+    "HeardContact": "ContactArrays",
+    "Touch": "TwinInputs",
+    "Touches": "ContactFields",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Numbers on which the framework and a modality that carries a surface agree (`itouch.plugin.Carries`).
+"""Numbers on which the framework and a modality that carries a surface agree (`itouch.plugin.SurfaceFields`).
 
 The framework hands the force over between arm and surface, and lowers a surface that presses too hard (K4), by these; a
 modality that goes by others works, but then each does a part of what the other has done already.
@@ -6,7 +6,7 @@ modality that goes by others works, but then each does a part of what the other 
 
 from __future__ import annotations
 
-#: Values of the field ``missed``: the surface is lower than its height says, or higher.
+#: Values of the field ``fault``: the surface is lower than its height says, or higher.
 LOW, HIGH = 1.0, 2.0
 #: Force [N] above which a surface is felt, and below which the finger has left it.
 TOUCH, LEFT = 0.05, 0.02

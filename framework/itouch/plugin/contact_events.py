@@ -47,7 +47,7 @@ class ContactEvent(NamedTuple):
     area: float = 0.0
 
 
-class HeardContact(NamedTuple):
+class ContactArrays(NamedTuple):
     """The numbers of a `ContactEvent` as compiled code is shown them: arrays that stay, written anew for each event.
 
     Scalars have shape (1,), vectors (3,); units are the same, lengths in m; ``probe`` is the number of the probe in
@@ -69,7 +69,7 @@ class HeardContact(NamedTuple):
     area: Floats
 
     @classmethod
-    def of(cls, event: ContactEvent, probe: int) -> HeardContact:
+    def of(cls, event: ContactEvent, probe: int) -> ContactArrays:
         """Return the numbers of an event at the probe with a number."""
         whole = (event.kind, event.tick, probe, event.object_index)
         numbers = (np.array([number], np.int64) for number in whole)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.moved import have_both_names
+from itouch.moved import HasOldNames
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.declaration_rules import faults_of, unguessable
@@ -88,34 +87,22 @@ class TwinInputs:
         self.face[1] = value
 
 
-class Twin(ABC):
+class Twin(HasOldNames, ABC):
     """The simulated stand-in of a device: whatever changes is in its State fields, never in attributes."""
+
+    _OLD_NAMES = {"stand": "set_environment"}
 
     def __init__(self, params: Any) -> None:
         self.params = params
 
-    #: What it declares in an outdated way, one sentence each.
-    outdated: ClassVar[tuple[str, ...]] = ()
-
-    def __init_subclass__(cls, **given: Any) -> None:
-        super().__init_subclass__(**given)
-        older = have_both_names(cls, "stand", "set_environment")
-        if older:
-            cls.outdated = (*cls.outdated, f"method 'stand' of {older} is 'set_environment' now: rename it")
-
-    def set_environment(self, ambient: float, skin_temperature: float | None) -> None:  # noqa: B027
+    def set_environment(self, ambient: float, skin_temperature: float | None) -> None:
         """Take the temperatures [K] of the room and of the operator's skin (None without operator); called first."""
-
-    def stand(self, ambient: float, skin_temperature: float | None) -> None:
-        """Call ``set_environment`` of this class: the old name of that method, kept for one version."""
-        warnings.warn("'stand' is 'set_environment' now: call that", DeprecationWarning, stacklevel=2)
-        Twin.set_environment(self, ambient, skin_temperature)
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State that the twin needs."""
         return ()
 
-    def reset(self, state: Record, rng: np.random.Generator) -> None:  # noqa: B027
+    def reset(self, state: Record, rng: np.random.Generator) -> None:
         """Set the State to its initial values; draw the seeds of random generators from ``rng``."""
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
@@ -170,6 +157,8 @@ class Device(Grouped, ABC):
     TypeError
         Then too, if ``reads`` or ``commands`` has anything but channels, or is a single channel.
     """
+
+    _OLD_NAMES = {"attached": "discover"}
 
     #: Frozen dataclass of schema fields: the device's XML element ``<NAME:hardware>``.
     Params: ClassVar[type]
@@ -291,12 +280,6 @@ class Device(Grouped, ABC):
         return None
 
     @classmethod
-    def attached(cls) -> tuple[Attached, ...] | None:
-        """Call ``discover``: the old name of that method, kept for one version."""
-        warnings.warn("'attached' is 'discover' now: call that", DeprecationWarning, stacklevel=2)
-        return Device.discover()
-
-    @classmethod
     def missing(cls, bound: Any) -> str:
         """Return why the device cannot be opened, as far as that is known without opening it; empty: nothing is known.
 
@@ -330,6 +313,4 @@ class Device(Grouped, ABC):
         hurting = list(unguessable(cls.reads))
         if hurting:
             raise ValueError(f"device class {cls.__name__}: {'; '.join(hurting)}")
-        if have_both_names(cls, "attached", "discover"):
-            cls.outdated = (*cls.outdated, "class method 'attached' is 'discover' now: rename it")
         cls.undeclared = (*faults_of(cls.reads, "reading"), *faults_of(cls.commands, "command"))

@@ -256,12 +256,12 @@ def _undeclared(loaded: type) -> str:
 def _misdeclared(loaded: type[Modality]) -> str:
     """Return which attribute of a modality is not what it must be; empty: all are."""
     for name, kind, wanted in (
-        ("hears", Contact, "frozenset((Contact.BEGIN, Contact.END)), an empty one if it hears nothing"),
+        ("subscribes_to", Contact, "frozenset((Contact.BEGIN, Contact.END)), an empty one if it subscribes to nothing"),
         ("measured", Measured, "(Measured(...),), () if it measures nothing"),
-        ("goes_on", str, "('field',), () if there is none"),
-        ("dropped", str, "frozenset(('field',)), an empty one if there is none"),
-        ("lengthened", str, "frozenset(('field',)), an empty one if there is none"),
-        ("keeps_to", str, "frozenset(('clearance',)), an empty one if it respects none"),
+        ("persistent_fields", str, "('field',), () if there is none"),
+        ("removed_fields", str, "frozenset(('field',)), an empty one if there is none"),
+        ("extended_fields", str, "frozenset(('field',)), an empty one if there is none"),
+        ("probe_attributes", str, "frozenset(('clearance',)), an empty one if it respects none"),
     ):
         told: Any = getattr(loaded, name)
         if not isinstance(told, tuple | list | set | frozenset) or not all(isinstance(one, kind) for one in told):

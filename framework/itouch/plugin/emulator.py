@@ -9,10 +9,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
+from itouch.moved import HasOldNames
 from itouch.plugin.record import Record
 
 
-class Emulator(ABC):
+class Emulator(HasOldNames, ABC):
     """Speaks a device's protocol at the port or address that the device's parameters name.
 
     The physics is the twin's: `serve` is called many times a second with the twin's present readings, and fills in the

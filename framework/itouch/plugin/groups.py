@@ -6,10 +6,10 @@ framework reads these attributes: a group that a class declares is unfolded into
 
 from __future__ import annotations
 
-import warnings
-from dataclasses import InitVar, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
+from itouch.moved import HasOldNames, with_old_fields
 from itouch.plugin.emulator import Emulator as _Emulator
 from itouch.plugin.fit import Fit
 
@@ -78,6 +78,7 @@ class Emulation:
     fits: tuple[Fit, ...] = ()
 
 
+@with_old_fields(led_by="input_source")
 @dataclass(frozen=True, slots=True)
 class OperatorInput:
     """Who moves the finger on the device's twin, if not the scene's operator.
@@ -90,13 +91,6 @@ class OperatorInput:
     """
 
     input_source: str = ""
-    led_by: InitVar[str] = ""  # its old name, for one version
-
-    def __post_init__(self, led_by: str) -> None:
-        """Accept the old name of ``input_source``, with a warning."""
-        if led_by:
-            warnings.warn("OperatorInput: 'led_by' is 'input_source' now", DeprecationWarning, stacklevel=3)
-            object.__setattr__(self, "input_source", led_by)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,12 +116,10 @@ GROUPS: dict[str, type] = {
 }  # fmt: skip
 
 
-#: Old name of an attribute -> new name; old names are understood for one version.
-OLD_NAMES = {"led_by": "input_source"}
-
-
-class Grouped:
+class Grouped(HasOldNames):
     """Unfolds the groups that a class declares into single attributes, which the framework reads."""
+
+    _OLD_NAMES = {"led_by": "input_source"}
 
     timing: ClassVar[Timing] = Timing()
     opening: ClassVar[Opening] = Opening()
@@ -151,11 +143,8 @@ class Grouped:
     max_stiffness: ClassVar[float | None] = None
     damping: ClassVar[float | None] = None
 
-    #: What it declares in an outdated way, one sentence each.
-    outdated: ClassVar[tuple[str, ...]] = ()
-
     def __init_subclass__(cls, **given: Any) -> None:
-        super().__init_subclass__(**given)
+        super().__init_subclass__(**given)  # first: what is declared by an old name is then no more missing
         old = []
         for name, kind in GROUPS.items():
             members = [member.name for member in fields(kind)]
@@ -169,8 +158,4 @@ class Grouped:
             else:
                 old += [f"attribute '{m}' belongs to a group: write {name} = {kind.__name__}({m}=...)"
                         for m in members if m in cls.__dict__]  # fmt: skip
-        for name, new in OLD_NAMES.items():
-            if name in cls.__dict__ and new not in cls.__dict__:
-                setattr(cls, new, cls.__dict__[name])
-                old.append(f"attribute '{name}' is '{new}' now: rename it")
-        cls.outdated = tuple(dict.fromkeys([*cls.outdated, *old]))
+        cls.deprecations = tuple(dict.fromkeys([*cls.deprecations, *old]))

@@ -6,14 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
+from itouch.moved import HasOldNames, with_old_fields
 from itouch.plugin.bound import Bound
-from itouch.plugin.contact_events import Contact, ContactEvent, HeardContact
+from itouch.plugin.contact_events import Contact, ContactArrays, ContactEvent
 from itouch.plugin.measured import Measured
 from itouch.plugin.record import Field, Record
 from itouch.plugin.world import World
 
 
-class Carries(NamedTuple):
+@with_old_fields(
+    coming="remaining_distance", missed="fault", yields="yield_distance", presses="pressing_force",
+    risen="height_correction", said="declared",
+)  # fmt: skip
+class SurfaceFields(NamedTuple):
     """A modality's declaration that it brings a device's surface to a probe's finger, and which of its fields say how.
 
     Each field is one that the modality declares (``fields``), has one number, and is named without the modality's name
@@ -32,22 +37,22 @@ class Carries(NamedTuple):
     gap
         Field: how far the surface is below the virtual one [m]; below 0 if it is above, infinite if there is no virtual
         one.  Over the first millimetre the arm takes over the normal force.
-    coming
+    remaining_distance
         Field: how far [m] the surface still has to move: to come, where it renders, or to withdraw, where the arm does;
         0 once it is there, below 0 if that is not known.  Until it is there, the force is handed over gradually between
         surface and arm.
-    missed
+    fault
         Field: why the surface renders no more: 1, it was not felt where it should be; 2, it was felt below that; 0,
         nothing is wrong.  The arm then renders the contact, and report and log tell where it happened first.
         `itouch.plugin.carried_surfaces` has these values, and the others on which framework and modality agree.
-    yields
+    yield_distance
         Field: how far [m] its command already yields because the surface presses too hard.  The framework (K4) then
         lowers the surface only by as much as its own yielding exceeds this, not by all of it again.
-    presses
+    pressing_force
         Field: how hard the finger presses on the surface now [N], where the device's reading is older than this tick:
         the arm's force follows it, and where it is more than the reading, safety leaves the arm less.  Below 0: as the
         device reads.
-    risen
+    height_correction
         Field: how much higher the surface is now than the device reads [m], where that reading is older; 0: it is where
         the device reads.  Monitors take the readings as they are.
     """
@@ -58,19 +63,20 @@ class Carries(NamedTuple):
     present: str
     distance: str
     gap: str
-    coming: str = ""
-    missed: str = ""
-    yields: str = ""
-    presses: str = ""
-    risen: str = ""
+    remaining_distance: str = ""
+    fault: str = ""
+    yield_distance: str = ""
+    pressing_force: str = ""
+    height_correction: str = ""
 
     @property
-    def said(self) -> tuple[str, ...]:
+    def declared(self) -> tuple[str, ...]:
         """The fields that are named."""
         return tuple(name for name in self[2:] if name)
 
 
-class Touches(NamedTuple):
+@with_old_fields(damped="add_damping", said="declared")
+class ContactFields(NamedTuple):
     """A modality's declaration that it computes the contact of a probe, and which of its fields say what it found.
 
     Each field is one that the modality declares (``fields``) and is named without the modality's name in front.  All is
@@ -95,7 +101,7 @@ class Touches(NamedTuple):
     found
         Field: all of that as `itouch.plugin.geometry.proxy_step` writes it (``FOUND`` numbers), with up to four objects
         that are touched at once.
-    damped
+    add_damping
         Whether the framework is to add the damping of ``PROBE.coupling.damping`` along the normal; else ``force`` has
         all damping.
     """
@@ -107,40 +113,48 @@ class Touches(NamedTuple):
     point: str = ""
     proxy: str = ""
     found: str = ""
-    damped: bool = False
+    add_damping: bool = False
 
     @property
-    def said(self) -> tuple[str, ...]:
+    def declared(self) -> tuple[str, ...]:
         """The fields that are named."""
         return tuple(name for name in self[1:7] if name)
 
 
-class Modality(ABC):
+class Modality(HasOldNames, ABC):
     """A modality plugin.  ``model`` is what ``compile`` returned, read-only; everything that changes is in State.
 
     The fields that it declares appear in State as ``NAME.field``; it may write these, and the command channels that
     ``commands`` names, and nothing else.
     """
 
+    _OLD_NAMES = {
+        "hears": "subscribes_to", "goes_on": "persistent_fields", "dropped": "removed_fields",
+        "lengthened": "extended_fields", "keeps_to": "probe_attributes", "carries": "surface_fields",
+        "touches": "contact_fields", "attends": "uses_intermediate_ticks", "between": "on_intermediate_tick",
+        "left_out": "on_skipped_time", "witness": "on_ground_truth", "ended": "contact_summary",
+        "remarks": "contact_warnings",
+    }  # fmt: skip
+
     #: Frozen dataclass of schema fields: its element under ``<interaction>``.
     Params: ClassVar[type]
     #: Frozen dataclass of schema fields: its element under ``<material>``, if it has one.
     Material: ClassVar[type | None] = None
     #: Kinds of event for which ``on_contact`` is called; MOVE comes in every tick of a contact.
-    hears: ClassVar[frozenset[Contact]] = frozenset(Contact)
+    subscribes_to: ClassVar[frozenset[Contact]] = frozenset(Contact)
     #: What it measures of a contact, in the order of the columns on terminal, page and summary.
     measured: ClassVar[tuple[Measured, ...]] = ()
     #: Its fields that concern the person or the devices: they keep their values when a scene with other objects
     #: replaces this one between two touches.  All other fields begin as after ``reset``.
-    goes_on: ClassVar[tuple[str, ...]] = ()
+    persistent_fields: ClassVar[tuple[str, ...]] = ()
     #: Fields of earlier versions whose content is no longer needed: a session stored with them can still be restored.
-    dropped: ClassVar[frozenset[str]] = frozenset()
+    removed_fields: ClassVar[frozenset[str]] = frozenset()
     #: Fields whose arrays have become longer at their end than in earlier versions: what a session stored keeps its
     #: place, and the rest begins as after ``reset``.
-    lengthened: ClassVar[frozenset[str]] = frozenset()
+    extended_fields: ClassVar[frozenset[str]] = frozenset()
     #: If it carries a surface: which of the probe's attributes ``clearance`` and ``plate-angle`` it respects.  A scene
     #: that sets the other, which then has no effect, gets a warning.
-    keeps_to: ClassVar[frozenset[str]] = frozenset()
+    probe_attributes: ClassVar[frozenset[str]] = frozenset()
 
     @abstractmethod
     def compile(self, name: str, params: Any, world: World) -> Any:
@@ -165,7 +179,7 @@ class Modality(ABC):
         """Return the command channels that it writes, as ``device.channel``; each has exactly one writer."""
         return ()
 
-    def carries(self, model: Any) -> Carries | None:
+    def surface_fields(self, model: Any) -> SurfaceFields | None:
         """Return the declaration of the surface that it brings to a finger in place of the default carrier, or None.
 
         Its ``update`` then runs in each tick after contact and before the force on the finger: it finds the virtual
@@ -175,7 +189,7 @@ class Modality(ABC):
         """
         return None
 
-    def touches(self, model: Any) -> Touches | None:
+    def contact_fields(self, model: Any) -> ContactFields | None:
         """Return the declaration of the contact that it computes in place of the framework's proxy, or None.
 
         Its ``update`` then runs in each tick right after the readings, and finds the finger in ``PROBE.hip`` [m] and
@@ -198,22 +212,23 @@ class Modality(ABC):
     def reset(self, model: Any, state: Record) -> None:
         """Set its fields to their initial values."""
 
-    def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:  # noqa: B027
+    def on_contact(self, event: ContactEvent, model: Any, state: Record) -> None:
         """Receive a contact event; called within the tick, before ``update``."""
 
-    def bound_contact(self, model: Any, state: Record, event: HeardContact) -> Bound | None:
+    def bound_contact(self, model: Any, state: Record, event: ContactArrays) -> Bound | None:
         """Return what ``on_contact`` does with these, which stay the same, as one compiled call; None: it is Python.
 
-        The numbers of an event stand in ``event`` then; where its kind is none of those in ``hears``, or -1, nothing is
-        done.  A call that returns another number than 0 has changed nothing, and leaves this event to ``on_contact``.
+        The numbers of an event stand in ``event`` then; where its kind is none of those in ``subscribes_to``, or -1,
+        nothing is done.  A call that returns another number than 0 has changed nothing, and leaves this event to
+        ``on_contact``.
         """
         return None
 
-    def attends(self, model: Any) -> bool:
-        """Tell whether ``between`` is to be called in the ticks between its updates."""
+    def uses_intermediate_ticks(self, model: Any) -> bool:
+        """Tell whether ``on_intermediate_tick`` is to be called in the ticks between its updates."""
         return False
 
-    def between(self, model: Any, state: Record) -> None:  # noqa: B027
+    def on_intermediate_tick(self, model: Any, state: Record) -> None:
         """Use what has arrived in a tick without an ``update``, and write its commands anew if there is a reason to.
 
         ``DEVICE.measured`` in State has, for each reading of the device, the tick in which it was measured, which may
@@ -225,7 +240,7 @@ class Modality(ABC):
     def update(self, model: Any, state: Record, period: float) -> None:
         """Advance its fields by one period and write its commands."""
 
-    def left_out(self, model: Any, state: Record, seconds: float) -> None:  # noqa: B027
+    def on_skipped_time(self, model: Any, state: Record, seconds: float) -> None:
         """Advance its fields by the ``seconds`` [s] that a late loop has left out between two ticks.
 
         Called only with hardware in the rig, before the next tick: in that time a real finger has gone on touching, and
@@ -233,7 +248,7 @@ class Modality(ABC):
         for what models one of these (``WorldDevice.twin``) there is nothing to do.
         """
 
-    def witness(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:  # noqa: B027
+    def on_ground_truth(self, model: Any, state: Record, twins: Mapping[str, Record]) -> None:
         """Receive the true State of the devices' twins, for its figures; only if a virtual rig runs the scene in step.
 
         Called after each tick with the State of each device's twin as it was when that tick's readings were taken.
@@ -258,14 +273,14 @@ class Modality(ABC):
         """
         return {}
 
-    def ended(self, model: Any, entry: Mapping[str, Any]) -> str:
+    def contact_summary(self, model: Any, entry: Mapping[str, Any]) -> str:
         """Return a few words that a terminal shows when a contact has ended; empty: nothing.
 
         ``entry`` is the report's entry of the contact, with what ``measures`` has returned.
         """
         return ""
 
-    def remarks(self, model: Any, entry: Mapping[str, Any]) -> tuple[str, ...]:
+    def contact_warnings(self, model: Any, entry: Mapping[str, Any]) -> tuple[str, ...]:
         """Return what was wrong in a contact, one sentence each, which a terminal shows below the table.
 
         ``entry`` is the report's entry of the contact.

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
+from itouch.moved import HasOldNames
 from itouch.plugin.channel import Channel
 from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
@@ -111,7 +112,7 @@ class Moment:
     calibrated: bool = False
 
 
-class Monitor(ABC):
+class Monitor(HasOldNames, ABC):
     """Watches one device.  A monitor can only tighten: the smallest share and the first trip count.
 
     Whatever changes is not in attributes but in its ``fields``, which are part of State as ``DEVICE.NAME.field``.
@@ -150,7 +151,7 @@ class Monitor(ABC):
         """Set its fields, which are zero, to their initial values; called once per session."""
         self.forget(state)
 
-    def forget(self, state: Record) -> None:  # noqa: B027
+    def forget(self, state: Record) -> None:
         """Forget past measurements, because the device was away; budgets stay."""
 
     @abstractmethod

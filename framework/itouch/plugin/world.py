@@ -87,7 +87,7 @@ class WorldSurface:
         Greatest force with which the surface may press [N]: its share, if several surfaces meet one finger.
     clearance, plate_angle
         The probe's attributes: how far below the finger the surface waits [m], and the steepest slope that it renders
-        [rad].  A modality that respects one of them names it in ``Modality.keeps_to``.
+        [rad].  A modality that respects one of them names it in ``Modality.probe_attributes``.
     """
 
     device: str

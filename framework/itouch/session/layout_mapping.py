@@ -67,7 +67,7 @@ def _maps(old: np.dtype[Any], new: np.dtype[Any]) -> bool:
     return same and plain and np.can_cast(old.base, new.base, "safe")
 
 
-#: Former names of fields -> the present one, or None if the field is dropped: of monitors before version 1.2, some of
+#: Former names of fields -> the present one, or None if the field was removed: of monitors before version 1.2, some of
 #: which start again because they were counted in checks; of the operator's hand; and of a probe's surface, for what is
 #: the carrying modality's own now.
 _FORMER: dict[str, str | None] = {
@@ -87,13 +87,13 @@ _REMEMBERED = {
 _LOST = 2.0
 
 
-def _renamed(stored: NDArray[Any], state: Record, dropped: Collection[str]) -> NDArray[Any]:
+def _renamed(stored: NDArray[Any], state: Record, removed_fields: Collection[str]) -> NDArray[Any]:
     """Return a stored State with its fields renamed to their present names."""
     fields: Mapping[str, Any] = stored.dtype.fields or {}
     names: dict[str, str | None] = {}
     for name in fields:
         device, _, rest = name.partition(".")
-        if name in dropped and name not in state:
+        if name in removed_fields and name not in state:
             names[name] = None
         elif rest in _FORMER and f"{device}.{rest}" not in state:
             moved = _FORMER[rest]
@@ -121,18 +121,19 @@ def _renamed(stored: NDArray[Any], state: Record, dropped: Collection[str]) -> N
 class ChangedFields:
     """The fields that a model's modalities have changed since earlier versions, and how these are still read.
 
-    ``dropped``: their content is no longer needed; ``lengthened``: they have more numbers at the end of their rows.
+    ``removed_fields``: their content is no longer needed; ``extended_fields``: they have more numbers at the end of
+    their rows.
     """
 
-    dropped: frozenset[str] = frozenset()
-    lengthened: frozenset[str] = frozenset()
+    removed_fields: frozenset[str] = frozenset()
+    extended_fields: frozenset[str] = frozenset()
 
 
 def changed_fields(model: Model) -> ChangedFields:
     """Return what the model's modalities say they have changed."""
     return ChangedFields(*(
         frozenset(f"{one.name}.{field}" for one in model.modalities for field in getattr(one.instance, what))
-        for what in ("dropped", "lengthened")
+        for what in ("removed_fields", "extended_fields")
     ))  # fmt: skip
 
 
@@ -180,7 +181,7 @@ def adopt(
     """
     if stored.dtype == state.dtype:
         return stored.tobytes(), []
-    stored = _lengthened(_renamed(stored, state, changed.dropped), state, changed.lengthened)
+    stored = _lengthened(_renamed(stored, state, changed.removed_fields), state, changed.extended_fields)
     difference = compare(stored.dtype, state.dtype)
     listed = "\n".join(difference.lines())
     written = ", ".join(f"{name} {version}" for name, version in versions.items())

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from itouch.plugin import Carries, Record, Touches
+from itouch.plugin import ContactFields, Record, SurfaceFields
 from itouch.safety import DeviceFaultError
 from itouch.testing.checks import CheckError, NotApplicableError, check
 from itouch.testing.scenario import ModalityHarness
@@ -19,7 +19,7 @@ _ROUNDING = 1e-9
 def carries(harness: ModalityHarness) -> str:
     """Run the scene, and check in every tick the fields that describe its surface."""
     engine = harness.engine()
-    owned = [(one.name, one.carries) for one in harness.own(engine) if one.carries is not None]
+    owned = [(one.name, one.surface_fields) for one in harness.own(engine) if one.surface_fields is not None]
     if not owned:
         raise NotApplicableError("it carries no surface")
     for _ in range(round(harness.seconds / engine.model.period)):
@@ -30,21 +30,24 @@ def carries(harness: ModalityHarness) -> str:
                 field, value, advice = wrong
                 seen = f"the field {name}.{field} is {value:g} after {engine.seconds:.3f} s"
                 raise CheckError(seen, cause="not what the contract says of it", advice=advice)
-    told = ", ".join(name for _, said in owned for name in said.said)
+    told = ", ".join(name for _, said in owned for name in said.declared)
     return f"{harness.seconds:.2g} s of {told}"
 
 
-def _wrong(name: str, said: Carries, state: Record) -> tuple[str, float, str] | None:
+def _wrong(name: str, said: SurfaceFields, state: Record) -> tuple[str, float, str] | None:
     """Return a field with an impossible value, that value and what would be right, or None."""
-    value = {field: state[f"{name}.{field}"].item() for field in said.said}
+    value = {field: state[f"{name}.{field}"].item() for field in said.declared}
     for field in (said.renders, said.present):
         if value[field] not in (0.0, 1.0):
             return field, value[field], "write 1 where it is so, else 0"
-    if said.missed and value[said.missed] not in (0.0, 1.0, 2.0):
-        return said.missed, value[said.missed], "write 0, 1 (not felt where it should be) or 2 (felt below that)"
-    if said.missed and value[said.missed] and value[said.renders]:
+    if said.fault and value[said.fault] not in (0.0, 1.0, 2.0):
+        return said.fault, value[said.fault], "write 0, 1 (not felt where it should be) or 2 (felt below that)"
+    if said.fault and value[said.fault] and value[said.renders]:
         return said.renders, value[said.renders], "write 0 as long as it is missed: the contact is the arm's"
-    for field, what in ((said.coming, "how far it still has to come"), (said.yields, "how far it gives way")):
+    for field, what in (
+        (said.remaining_distance, "how far it still has to come"),
+        (said.yield_distance, "how far it gives way"),
+    ):
         if field and not value[field] < math.inf:
             return field, value[field], f"write {what}, or -1 where that can't be said"
     return None
@@ -54,7 +57,7 @@ def _wrong(name: str, said: Carries, state: Record) -> tuple[str, float, str] | 
 def touches(harness: ModalityHarness) -> str:
     """Run the scene, and check in every tick the fields that describe the contact."""
     engine = harness.engine()
-    owned = [(one.name, one.touches) for one in harness.own(engine) if one.touches is not None]
+    owned = [(one.name, one.contact_fields) for one in harness.own(engine) if one.contact_fields is not None]
     if not owned:
         raise NotApplicableError("it computes no contact")
     touched = 0
@@ -68,11 +71,11 @@ def touches(harness: ModalityHarness) -> str:
             if engine.state[f"{probe}.object"].item() >= 0:
                 touched += 1
                 _check(name, said, engine.state, engine.seconds)
-    told = ", ".join(f"{own}.{name}" for own, said in owned for name in said.said)
+    told = ", ".join(f"{own}.{name}" for own, said in owned for name in said.declared)
     return f"{harness.seconds:.2g} s of {told}, {touched} ticks in contact"
 
 
-def _check(name: str, said: Touches, state: Record, seconds: float) -> None:
+def _check(name: str, said: ContactFields, state: Record, seconds: float) -> None:
     """Check what is said of a touch against the finger's place.
 
     Raises

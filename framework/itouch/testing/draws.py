@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.loop.event_detection import silent
-from itouch.plugin import Channel, Contact, ContactEvent, Field, HeardContact, Record, Role, TwinInputs
+from itouch.plugin import Channel, Contact, ContactArrays, ContactEvent, Field, Record, Role, TwinInputs
 from itouch.testing.harness import TwinBench, limits
 from itouch.world import Model
 
@@ -165,7 +165,7 @@ class Happening:
     """A contact event that is drawn at random, in numbers for compiled code and as Python hears of it."""
 
     def __init__(self, model: Model, rng: np.random.Generator) -> None:
-        self.numbers: HeardContact = silent()
+        self.numbers: ContactArrays = silent()
         self._probes, self._objects, self._rng = [probe.name for probe in model.probes], list(model.objects), rng
 
     def draw(self, hears: frozenset[Contact], tick: int) -> None:

@@ -151,7 +151,7 @@ class _Pair:
     def _updating(self) -> TwoForms:
         own, instance, period = self._own, self._own.instance, self._model.period * self._own.every
         bound = None
-        if (own.every == 1 or not own.attends) and _joins(instance, "bound_update", "update"):
+        if (own.every == 1 or not own.uses_intermediate_ticks) and _joins(instance, "bound_update", "update"):
             bound = instance.bound_update(own.model, self._views[1], period)
         python = lambda: instance.update(own.model, self._views[0], period)  # noqa: E731
         return TwoForms("update", _calls(bound), python, self._sides)
@@ -159,11 +159,11 @@ class _Pair:
     def _hearing(self) -> TwoForms:
         own, instance, event = self._own, self._own.instance, self._event
         bound = None
-        if instance.hears and _joins(instance, "bound_contact", "on_contact", "hears"):
+        if instance.subscribes_to and _joins(instance, "bound_contact", "on_contact", "subscribes_to"):
             bound = instance.bound_contact(own.model, self._views[1], event.numbers)
 
         def python() -> None:
-            if event.numbers.kind[0] in instance.hears:  # the loop tells it of nothing else
+            if event.numbers.kind[0] in instance.subscribes_to:  # the loop tells it of nothing else
                 instance.on_contact(event.heard(), own.model, self._views[0])
 
         return TwoForms("on_contact", _calls(bound), python, self._sides)
@@ -184,7 +184,7 @@ class _Pair:
         states.draw(self._python)
         self._sides.level()
         for _ in range(self._rng.integers(1, _BURST + 1)):
-            if (hears := self._own.instance.hears) and self._rng.random() < 0.5:
+            if (hears := self._own.instance.subscribes_to) and self._rng.random() < 0.5:
                 self._event.draw(hears, int(self._python["tick"]))
                 self._hear.run(f"{draw}, of {self._event.said}", drawn=True)
             else:

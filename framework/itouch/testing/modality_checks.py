@@ -30,7 +30,7 @@ def _fail(seen: str, cause: str, advice: str) -> CheckError:
 
 @check("declarations", "declared as the contract says")
 def declarations(harness: ModalityHarness) -> None:
-    """Check ``Params``, ``Material``, ``hears`` and ``keeps_to``."""
+    """Check ``Params``, ``Material``, ``subscribes_to`` and ``probe_attributes``."""
     cls = harness.cls
     for name, kind in (("Params", getattr(cls, "Params", None)), ("Material", cls.Material)):
         if kind is None and name == "Material":
@@ -49,11 +49,17 @@ def declarations(harness: ModalityHarness) -> None:
                 "plain defaults",
                 "make them with itouch.plugin.schema",
             )
-    if not set(cls.hears) <= set(Contact):
-        raise _fail(f"hears = {cls.hears!r}", "not kinds of contact", "a frozenset of itouch.plugin.Contact")
-    if not set(cls.keeps_to) <= {"clearance", "plate-angle"}:
+    if not set(cls.subscribes_to) <= set(Contact):
+        raise _fail(
+            f"subscribes_to = {cls.subscribes_to!r}", "not kinds of contact", "a frozenset of itouch.plugin.Contact"
+        )
+    if not set(cls.probe_attributes) <= {"clearance", "plate-angle"}:
         advice = 'write frozenset({"clearance", "plate-angle"}), or less'
-        raise _fail(f"keeps_to = {cls.keeps_to!r}", "not attributes of a probe that say how a surface comes", advice)
+        raise _fail(
+            f"probe_attributes = {cls.probe_attributes!r}",
+            "not attributes of a probe that say how a surface comes",
+            advice,
+        )
 
 
 @check("documentation", "class, parameters, module say what they are")
@@ -226,12 +232,12 @@ def own_fields(harness: ModalityHarness) -> None:
             engine.run(harness.seconds / 60)
             _writes(engine.model, engine.state, modality, "update", (f"{modality.name}.", *commands))
             _writes(engine.model, engine.state, modality, "on_contact", (f"{modality.name}.", *commands))
-            _writes(engine.model, engine.state, modality, "left_out", (f"{modality.name}.", *commands))
+            _writes(engine.model, engine.state, modality, "on_skipped_time", (f"{modality.name}.", *commands))
             for silent in ("measures", "status", "report"):
                 _writes(engine.model, engine.state, modality, silent, ())
 
 
-#: Time [s] that `left_out` is told a late loop has left out.
+#: Time [s] that `on_skipped_time` is told a late loop has left out.
 _LEFT_OUT = 0.05
 #: A value that nothing commands by chance.
 _UNLIKELY = 1.2345e-6
@@ -248,8 +254,8 @@ def _writes(world: Model, state: Record, modality: ModalityModel, name: str, all
         instance.update(model, scratch, world.period * modality.every)
     elif name == "on_contact" and event is not None:
         instance.on_contact(event, model, scratch)
-    elif name == "left_out":
-        instance.left_out(model, scratch, _LEFT_OUT)
+    elif name == "on_skipped_time":
+        instance.on_skipped_time(model, scratch, _LEFT_OUT)
     elif name == "measures" and event is not None:
         instance.measures(model, scratch, event.probe, event.object_index)
     elif name == "status":
@@ -268,7 +274,7 @@ def _writes(world: Model, state: Record, modality: ModalityModel, name: str, all
             "a field of somebody else's"
             if allowed
             else f"{name} is asked now and then, or never, and must change nothing",
-            "write only NAME.* and the commands that commands() names, in on_contact, update and left_out",
+            "write only NAME.* and the commands that commands() names, in on_contact, update and on_skipped_time",
         )
 
 
@@ -327,7 +333,7 @@ def order(harness: ModalityHarness) -> None:
     """Watch the calls of ``on_contact``."""
     engine = harness.engine()
     modality = harness.own(engine)[0]
-    if not modality.instance.hears:
+    if not modality.instance.subscribes_to:
         raise NotApplicableError("it hears no contact")
     heard: list[int] = []
     instance = modality.instance
@@ -344,12 +350,12 @@ def order(harness: ModalityHarness) -> None:
     engine = type(engine)(engine.model)  # another one, which finds it in the place of what may be compiled
     engine.run(harness.seconds)
     touches = [kind for kind in heard if kind in (Contact.BEGIN, Contact.END)]
-    both = {Contact.BEGIN, Contact.END} <= modality.instance.hears  # with only one of them, it repeats
+    both = {Contact.BEGIN, Contact.END} <= modality.instance.subscribes_to  # with only one of them, it repeats
     if both and any(a == b for a, b in zip(touches, touches[1:], strict=False)) and len(engine.model.probes) == 1:
         raise _fail("BEGIN and END do not alternate", "framework", "report it")
     if not heard:
         raise _fail(
             "it hears no event though something is touched",
-            "`hears` names none of the kinds that come",
+            "`subscribes_to` names none of the kinds that come",
             "name the kinds that on_contact wants: BEGIN, MOVE, END, NEAR",
         )

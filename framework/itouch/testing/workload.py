@@ -144,7 +144,7 @@ class ModalityWorkload(Workload):
         found: list[Call] = [
             ("update(model, state, ...)", self.engine.state, lambda s: own.instance.update(own.model, s, period))
         ]
-        if event is not None and Contact.BEGIN in own.instance.hears:
+        if event is not None and Contact.BEGIN in own.instance.subscribes_to:
             found.append(("on_contact(event, model, state)", self.engine.state,
                           lambda s: own.instance.on_contact(event, own.model, s)))  # fmt: skip
         return found

@@ -10,12 +10,12 @@ import numpy as np
 
 from itouch.contact import Geometry
 from itouch.plugin import (
-    Carries,
+    ContactFields,
     Field,
     Modality,
     ParameterError,
     Role,
-    Touches,
+    SurfaceFields,
     World,
     WorldDevice,
     WorldObject,
@@ -37,7 +37,7 @@ from itouch.world.skin_source import Finger, devices_at
 from itouch.world.state_fields import declared_by
 from itouch.world.surfaces import contact_of
 
-Declaration = TypeVar("Declaration", Carries, Touches)
+Declaration = TypeVar("Declaration", SurfaceFields, ContactFields)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +50,11 @@ class ModalityModel:
     model: Any
     every: int
     commands: tuple[str, ...]
-    attends: bool = False
+    uses_intermediate_ticks: bool = False
     #: The surface that it brings to a finger, if it brings one.
-    carries: Carries | None = None
+    surface_fields: SurfaceFields | None = None
     #: The contact that it computes in place of the framework's own, if it computes one.
-    touches: Touches | None = None
+    contact_fields: ContactFields | None = None
     #: The fields of State that it declares, without its name in front.
     declared: tuple[Field, ...] = ()
     #: The probe whose surface it brings by default, because no modality of the scene does; it has no element itself.
@@ -101,7 +101,7 @@ def build_modalities(
         own = replace(world, objects=_objects(scene, part.plugin), period=period * every, fields=declared)
         with gathering(problems):
             found += _compiled(scene, part, cls, own, every, devices, problems)
-    problems += check_alone(scene, [(one.name, one.touches) for one in found if one.touches is not None])
+    problems += check_alone(scene, [(one.name, one.contact_fields) for one in found if one.contact_fields is not None])
     if len(found) + len(idle) == len(scene.modalities):  # else a faulty one may be what brings a surface
         found += _default_carriers(scene, catalog, devices, world, found, problems)
     return found
@@ -132,31 +132,31 @@ def _compiled(
         commands = _commands(instance, model)
         unknown = list(_unknown(scene, who, commands, devices, place))
         problems += unknown
-    with failing(who, "attends", place):
-        attends = every > 1 and instance.attends(model)
+    with failing(who, "uses_intermediate_ticks", place):
+        intermediate = every > 1 and instance.uses_intermediate_ticks(model)
     with failing(who, "notices", place):
         wanted = "a tuple of sentences is wanted, () if there are none"
         notices = texts_of(instance.notices, instance.notices(model), wanted)
-    carries = _declaration(instance.carries, Carries, model, who, place)
-    touches = _declaration(instance.touches, Touches, model, who, place)
+    carries = _declaration("surface_fields", instance.surface_fields, SurfaceFields, model, who, place)
+    touches = _declaration("contact_fields", instance.contact_fields, ContactFields, model, who, place)
     if unknown:
         return
     with failing(who, "fields", place):
         declared = declared_by(instance.fields, model)
         fields = {field.name: (_kind(field), field.size) for field in declared}
         if carries is not None:
-            problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.keeps_to)
+            problems += check_carried(scene, part, carries, fields, commands, devices, every, instance.probe_attributes)
         if touches is not None:
             problems += check_touched(scene, part, touches, fields, every, carries is not None)
         served = "" if probe is None else probe.name
         yield ModalityModel(
-            part.name, part.plugin, instance, model, every, commands, attends, carries, touches, declared, served,
+            part.name, part.plugin, instance, model, every, commands, intermediate, carries, touches, declared, served,
             notices, part.params,
         )  # fmt: skip
 
 
 def _declaration(
-    method: Callable[[Any], Any], kind: type[Declaration], model: Any, who: str, place: Place | None
+    name: str, method: Callable[[Any], Any], kind: type[Declaration], model: Any, who: str, place: Place | None
 ) -> Declaration | None:
     """Return what a modality declares that it does for a probe, or None.
 
@@ -165,8 +165,8 @@ def _declaration(
     SceneError
         If it returns anything else, or something other than names in it.
     """
-    with failing(who, kind.__name__.lower(), place):
-        told, kinds = method(model), [type(kind._field_defaults.get(name, "")) for name in kind._fields]
+    with failing(who, name, place):
+        told, kinds = method(model), [type(kind._field_defaults.get(field, "")) for field in kind._fields]
         if told is None or (isinstance(told, kind) and all(map(isinstance, told, kinds))):
             return told
         raise ReturnedError(method, f"it returned {told!r:.120}; {kind.__name__} of names is wanted, or None")
@@ -217,7 +217,7 @@ def _default_carriers(
     It is called ``PROBE.surface``, or ``PROBE.carrier`` where the probe names its plugin: that plugin may be anybody's,
     and its fields may have the names of the framework's own fields of the surface.
     """
-    served = {one.carries.probe for one in known if one.carries is not None}
+    served = {one.surface_fields.probe for one in known if one.surface_fields is not None}
     met = [probe for probe in scene.probes if probe.name in world.surfaces and probe.name not in served]
     # a device that can't bring a surface, or would bring it to itself, has been told of
     alone = [
@@ -250,7 +250,7 @@ def _default_carriers(
             with gathering(problems):
                 found += _compiled(scene, part, cls, world, 1, devices, problems, probe)
     for one in found:
-        if one.carries is None:
+        if one.surface_fields is None:
             place = scene.places.of(next(probe for probe in alone if probe.name == one.default_of), "carrier")
             sentence = f"modality '{one.name}' of '{one.plugin}' carries no surface"
             problems.append(Problem("modality", sentence, place, "its carries returns None"))

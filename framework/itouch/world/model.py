@@ -94,11 +94,11 @@ class Model:
 
     def carrier_to(self, probe: str) -> ModalityModel | None:
         """Return the modality that brings a surface to a probe, or None."""
-        return next((one for one in self.modalities if one.carries and one.carries.probe == probe), None)
+        return next((one for one in self.modalities if one.surface_fields and one.surface_fields.probe == probe), None)
 
     def contact_of(self, probe: str) -> ModalityModel | None:
         """Return the modality that computes the contact of a probe, or None: the framework's own proxy does."""
-        return next((one for one in self.modalities if one.touches and one.touches.probe == probe), None)
+        return next((one for one in self.modalities if one.contact_fields and one.contact_fields.probe == probe), None)
 
     @property
     def framed(self) -> frozenset[str]:
@@ -345,7 +345,9 @@ def _writers(
         for bound, role in (("force_to", Role.FORCE_ON_OPERATOR), ("surface_to", Role.SURFACE_POSE)):
             device = devices.get(getattr(probe, bound))
             channel = device.command(role) if device is not None else None
-            served = (m for m in modalities if m.carries and m.carries.probe == probe.name and not m.default_of)
+            served = (
+                m for m in modalities if m.surface_fields and m.surface_fields.probe == probe.name and not m.default_of
+            )
             taken = role is Role.SURFACE_POSE and any(served)
             if device is not None and channel is not None and not taken:
                 writers.append((f"{device.name}.{channel.name}", probe, bound, f"probe '{probe.name}'"))

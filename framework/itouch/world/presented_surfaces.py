@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from itouch.contact import layout
-from itouch.plugin import Carries, Role, Touches, WorldSurface
+from itouch.plugin import ContactFields, Role, SurfaceFields, WorldSurface
 from itouch.plugin.carried_surfaces import ROOM
 from itouch.scene import Scene
 from itouch.scene.elements import Operator, PluginPart
@@ -66,12 +66,12 @@ def surfaces_of(
 
 
 def check_carried(
-    scene: Scene, part: PluginPart, carries: Carries, fields: Mapping[str, object], commands: Sequence[str],
-    devices: Mapping[str, DeviceModel], every: int, keeps_to: Collection[str],
+    scene: Scene, part: PluginPart, carries: SurfaceFields, fields: Mapping[str, object], commands: Sequence[str],
+    devices: Mapping[str, DeviceModel], every: int, probe_attributes: Collection[str],
 ) -> Iterator[Problem]:  # fmt: skip
     """Find what keeps a modality from carrying the surface that it says it carries.
 
-    ``fields``: kinds and sizes; ``keeps_to``: the attributes of the probe that it follows.
+    ``fields``: kinds and sizes; ``probe_attributes``: the attributes of the probe that it follows.
     """
     who, place = f"modality '{part.name}'", scene.places.of(part)
     probe = next((one for one in scene.probes if one.name == carries.probe), None)
@@ -86,7 +86,7 @@ def check_carried(
     if channel is not None and f"{carries.device}.{channel.name}" not in commands:
         sentence = f"{who} carries the surface of '{carries.device}', but does not command '{channel.name}'"
         yield Problem("modality", sentence, place, f"its commands must have {carries.device}.{channel.name}")
-    for name in carries.said:
+    for name in carries.declared:
         if fields.get(name) not in _ONE:
             sentence = (
                 f"{who} says how its surface stands in field '{name}', which it does not declare as one number (f8)"
@@ -99,7 +99,7 @@ def check_carried(
         written = scene.places.of(probe, name)
         if written is not None and written != scene.places.of(probe):
             shown = xml_name(name)
-            if shown in keeps_to:
+            if shown in probe_attributes:
                 continue
             sentence = f"{shown} of probe '{probe.name}' has no effect: {who} carries its surface"
             yield Problem("modality", sentence, written, f"remove {shown}", severity="warning")
@@ -111,7 +111,7 @@ def _fields_of(count: int) -> tuple[object, ...]:
 
 
 def check_touched(
-    scene: Scene, part: PluginPart, touches: Touches, fields: Mapping[str, object], every: int, carries: bool
+    scene: Scene, part: PluginPart, touches: ContactFields, fields: Mapping[str, object], every: int, carries: bool
 ) -> Iterator[Problem]:
     """Find what keeps a modality from computing the contact that it says it computes.
 
@@ -145,7 +145,7 @@ def check_touched(
         yield Problem("modality", sentence, place, "its author makes it two modalities")
 
 
-def check_alone(scene: Scene, known: Iterable[tuple[str, Touches]]) -> Iterator[Problem]:
+def check_alone(scene: Scene, known: Iterable[tuple[str, ContactFields]]) -> Iterator[Problem]:
     """Find probes whose contact two modalities compute; ``known``: modalities by name, with their declarations."""
     first: dict[str, str] = {}
     for name, touches in known:

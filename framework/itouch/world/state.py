@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from itouch.contact.surface_effects import EFFECTS_MEMORY
+from itouch.moved import HasOldNames
 from itouch.plugin import Field, Record, Role
 from itouch.plugin.declaration_rules import faults_of
 from itouch.schema import Problem, SceneError
@@ -161,10 +162,12 @@ def undeclared(model: Model) -> tuple[str, ...]:
     for device in model.devices.values():
         said = [*faults_of(device.reads, "reading"), *faults_of(device.commands, "command")]
         said += faults_of(device.fields_of(device.make_twin()), "field") if device.twin else ()
-        said += [*device.cls.outdated, *(device.cls.Twin.outdated if device.cls.Twin is not None else ())]
+        parts: list[type[HasOldNames] | None] = [device.cls, device.cls.Twin, device.cls.Emulator]
+        parts += [type(monitor) for monitor in device.monitors]
+        said += [sentence for part in parts if part is not None for sentence in part.deprecations]
         found += [f"device plugin '{device.plugin}': {sentence}" for sentence in said]
     for modality in model.modalities:
-        said = list(faults_of(modality.declared, "field"))
+        said = [*faults_of(modality.declared, "field"), *type(modality.instance).deprecations]
         found += [f"modality plugin '{modality.plugin}': {sentence}" for sentence in said]
     return tuple(dict.fromkeys(found))
 

@@ -130,7 +130,7 @@ class Lockstep:
     def _tick(self, tick: int) -> None:
         with self._lock:
             for modality in self.host.model.modalities:
-                modality.instance.witness(modality.model, self.host.state, self._truth)
+                modality.instance.on_ground_truth(modality.model, self.host.state, self._truth)
             self.rig.look()  # what was sent in this tick takes effect in it, however late the thread of the wires is
             self.rig.step()
             self.rig.keep_up()

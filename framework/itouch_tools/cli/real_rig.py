@@ -52,7 +52,7 @@ class ObservedSession(Servo):
         new = self._truth.read() and self._truth.now != before
         self._ticks, self._old = self._ticks + 1, self._old + (not new)
         for modality in session.model.modalities:
-            modality.instance.witness(modality.model, session.state, self._truth.states)
+            modality.instance.on_ground_truth(modality.model, session.state, self._truth.states)
         for surface in self._surfaces:
             surface.see(tick)
 

@@ -39,9 +39,9 @@ def _row(entry: Mapping[str, Any], what: Iterable[str], shown: Iterable[Measured
     return [*(str(entry[key]) for key in what), *(one.told(entry.get(one.key)) for one in shown)]
 
 
-def ended(model: Model, entry: Mapping[str, Any]) -> list[str]:
+def contact_summaries(model: Model, entry: Mapping[str, Any]) -> list[str]:
     """Return what the modalities say of a contact that has ended."""
-    found = (contact_report.ended(one, entry) for one in model.modalities)
+    found = (contact_report.contact_summary(one, entry) for one in model.modalities)
     return [words for words in found if words]
 
 
@@ -55,7 +55,7 @@ def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
+def contact_warnings(model: Model, entry: Mapping[str, Any]) -> list[str]:
     """Return the remarks on a contact that stand below the table: what was not as it should have been."""
     found: list[str] = []
     if entry.get("plate_missed"):
@@ -68,5 +68,5 @@ def remarks(model: Model, entry: Mapping[str, Any]) -> list[str]:
             "on it as long as it may (T4, contact-time); the arm gave its force"
         )
     for one in model.modalities:
-        found += contact_report.remarks(one, entry)
+        found += contact_report.contact_warnings(one, entry)
     return found

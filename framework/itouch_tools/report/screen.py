@@ -129,7 +129,7 @@ class Screen:
     def _new_contacts(self) -> None:
         contacts = self._engine.statistics.contacts
         for entry in contacts[self._told :]:
-            said = "; ".join(columns.ended(self._engine.model, entry))
+            said = "; ".join(columns.contact_summaries(self._engine.model, entry))
             left = f"{entry['end_s']:8.3f} s  {entry['probe']} left {entry['object']}"
             self._stream.write(f"{left}: {said}\n" if said else f"{left}\n")
         if len(contacts) > self._told:
@@ -149,7 +149,7 @@ class Screen:
         else:
             (_rich_table if self._live else _plain_table)(rows, self._stream)
         for entry in report["contacts"]:
-            for line in columns.remarks(self._engine.model, entry):
+            for line in columns.contact_warnings(self._engine.model, entry):
                 self._stream.write(line + "\n")
         for line in _waited(report):
             self._stream.write(line + "\n")

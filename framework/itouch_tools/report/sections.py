@@ -139,7 +139,9 @@ def contacts(findings: Findings) -> Contacts | None:
     if any(short):
         heads, words = [*heads, "not as it should be"], [*words, len(heads)]
         rows = [[*row, ", ".join(why)] for row, why in zip(rows, short, strict=True)]
-    said = [line for entry in found for line in columns.remarks(findings.model, entry)] if findings.model else []
+    said = (
+        [line for entry in found for line in columns.contact_warnings(findings.model, entry)] if findings.model else []
+    )
     return Contacts(Table(heads, rows, words, choices), said[:_REMARKS], max(0, len(said) - _REMARKS))
 
 

@@ -480,7 +480,7 @@ def succeed(session: Session, before: Session) -> None:
         raise SessionError("the scene can't change while something is touched")
     _same_hardware(session, before)
     devices = tuple(f"{name}." for name in session.model.devices)
-    persons = {f"{one.name}.{name}" for one in session.model.modalities for name in one.instance.goes_on}
+    persons = {f"{one.name}.{name}" for one in session.model.modalities for name in one.instance.persistent_fields}
     persons |= {f"{probe.name}.hand.{name}" for probe in session.model.probes for name in _BASELINE}
     merged = session.state.copy()
     for name in wanted:

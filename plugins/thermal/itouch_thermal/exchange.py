@@ -202,7 +202,7 @@ def start(finger: Floats, kept: Floats, skin: Any) -> None:
 
 @kernel
 def hear(event: Any, given: Given, kept: Kept, skin: Skin, touch: Touch, probe: int) -> int:
-    """Begin and end the exchange with an object; ``event`` is a `HeardContact`, ``probe`` the number of the finger."""
+    """Begin and end the exchange with an object; ``event`` is a `ContactArrays`, ``probe`` the number of the finger."""
     if event.probe[0] != probe:
         return 0
     kind, tick, index = event.kind[0], event.tick[0], event.object[0]

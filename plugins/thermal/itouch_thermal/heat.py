@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from contact_heat.layers import FINGER_FILM, Back, Film, Initial, Layer, Side, check_layers
 from contact_heat.resistance import DEFAULT_RESISTANCE, SPREAD, ResistanceLaw, contact_area
-from itouch.plugin import Bound, ContactEvent, Field, HeardContact, Modality, Record, Role, World, schema
+from itouch.plugin import Bound, ContactArrays, ContactEvent, Field, Modality, Record, Role, World, schema
 from itouch.plugin import Contact as ContactKind
 from itouch.plugin.bound import bound_once
 from itouch_thermal.boundary import Exchange, beyond
@@ -177,10 +177,10 @@ class Heat(Modality):
 
     Params = HeatParams
     Material: ClassVar[type | None] = ThermalMaterial
-    hears = frozenset({ContactKind.BEGIN, ContactKind.END})
-    goes_on = ("finger", "skin_change", "skin_count")
-    dropped = frozenset({"skin_ring"})  # a tenth of a second of readings, which fills again
-    lengthened = frozenset({"objects"})
+    subscribes_to = frozenset({ContactKind.BEGIN, ContactKind.END})
+    persistent_fields = ("finger", "skin_change", "skin_count")
+    removed_fields = frozenset({"skin_ring"})  # a tenth of a second of readings, which fills again
+    extended_fields = frozenset({"objects"})
 
     def compile(self, name: str, params: HeatParams, world: World) -> HeatModel:
         """Build the modes of finger and objects."""
@@ -278,9 +278,9 @@ class Heat(Modality):
     def on_contact(self, event: ContactEvent, model: HeatModel, state: Record) -> None:
         """Begin or end the exchange of heat with an object."""
         if event.probe == model.probe:
-            self.bound_contact(model, state, HeardContact.of(event, model.finger_number)).run()
+            self.bound_contact(model, state, ContactArrays.of(event, model.finger_number)).run()
 
-    def bound_contact(self, model: HeatModel, state: Record, event: HeardContact) -> Bound:
+    def bound_contact(self, model: HeatModel, state: Record, event: ContactArrays) -> Bound:
         """Return what is done with an event as one compiled call."""
         from itouch_thermal import exchange
 
@@ -306,7 +306,7 @@ class Heat(Modality):
         if not calls or any(call.run() for call in calls):
             self._advance(model, state, period)
 
-    def left_out(self, model: HeatModel, state: Record, seconds: float) -> None:
+    def on_skipped_time(self, model: HeatModel, state: Record, seconds: float) -> None:
         """Advance finger and objects over left-out time in unchanged contact; infrared readings do not count again."""
         if not model.real:
             return

@@ -10,12 +10,12 @@ import numpy as np
 
 from itouch.plugin import (
     Bound,
-    Carries,
     Field,
     Modality,
     ParameterError,
     Record,
     Role,
+    SurfaceFields,
     World,
     WorldDevice,
     WorldSurface,
@@ -69,8 +69,8 @@ class Encountered(Modality):
     """Keeps a flat surface where the finger meets the virtual one, and withdraws it where the slope is too steep."""
 
     Params = EncounteredParams
-    hears = frozenset()  # if it heard events, Python would call it in each tick of a contact
-    keeps_to = frozenset({"clearance", "plate-angle"})
+    subscribes_to = frozenset()  # if it heard events, Python would call it in each tick of a contact
+    probe_attributes = frozenset({"clearance", "plate-angle"})
 
     def compile(self, name: str, params: Any, world: World) -> EncounteredModel:
         """Look up the probe's surface and its device, and compute the constants of the motion.
@@ -106,10 +106,10 @@ class Encountered(Modality):
         """Name the command that is written: the pose of the device's surface."""
         return (f"{model.device}.{model.channel}",)
 
-    def carries(self, model: EncounteredModel) -> Carries:
+    def surface_fields(self, model: EncounteredModel) -> SurfaceFields:
         """Declare that it brings the device's surface, and which of its fields report on that."""
         late = ("pressed_now", "since") if model.numbers.wire else ()
-        return Carries(
+        return SurfaceFields(
             model.probe, model.device, "takes", "at_finger", "distance", "gap", "coming", "lost", "yields", *late
         )
 

@@ -9,7 +9,7 @@ from itouch.plugin.kernels import Block, places
 
 #: For how many ticks at most it is remembered how the slope changed: 6 ms at 4 kHz.
 MOST_KINKS = 24
-#: First what is reported of the surface (`itouch.plugin.Carries`), then what is remembered.
+#: First what is reported of the surface (`itouch.plugin.SurfaceFields`), then what is remembered.
 FIELDS = tuple(
     Field(name, unit=unit, doc=doc, show="no")
     for name, unit, doc in (

@@ -41,7 +41,7 @@ def test_the_greatest_rate_is_a_mean_over_the_last_half_second(way: float, extre
 def test_a_virtual_rig_compares_an_estimate_only_when_it_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
     found = list[tuple[float, float, float]]()
     monkeypatch.setattr(flux_error, "scored", lambda *_: True)
-    monkeypatch.setattr(flux_error, "witness", lambda state, name, *numbers: found.append(numbers))
+    monkeypatch.setattr(flux_error, "note_ground_truth", lambda state, name, *numbers: found.append(numbers))
     names = SimpleNamespace(
         truth="truth", touching="touching", object="object", heat_desired="desired", begun="begun", obtained="obtained"
     )
@@ -52,7 +52,7 @@ def test_a_virtual_rig_compares_an_estimate_only_when_it_is_new(monkeypatch: pyt
     state: Any = {"touching": np.array(1), "object": np.array(0), "desired": np.array(-900.0),
                   "obtained": np.array(-950.0), "f.account": np.zeros(9)}  # fmt: skip
     for tick in range(1, 62):
-        FluxControl.witness(
+        FluxControl.on_ground_truth(
             SimpleNamespace(),
             model,
             state | {"tick": np.array(tick)},

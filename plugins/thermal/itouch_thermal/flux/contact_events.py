@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from itouch.plugin import Contact, HeardContact
+from itouch.plugin import Contact, ContactArrays
 from itouch.plugin.kernels import inlined, kernel, linked
 from itouch_thermal.flux import approach, observer, onset
 from itouch_thermal.flux.law import Memory
@@ -75,7 +75,7 @@ def _ends(event: Any, scene: Any, own: Any, given: Any) -> bool:
 
 
 @kernel
-def hear_without_law(event: HeardContact, scene: Scene, own: OwnFields, given: Given, figures: Figures) -> int:
+def hear_without_law(event: ContactArrays, scene: Scene, own: OwnFields, given: Given, figures: Figures) -> int:
     """Aim for the object that comes near; begin and end the touch."""
     return _take_in(event, scene, own, given, figures)
 
@@ -106,7 +106,7 @@ def _take_in(event: Any, scene: Any, own: Any, given: Any, figures: Any) -> int:
 
 @kernel
 def hear(
-    event: HeardContact, scene: Scene, own: OwnFields, given: Given, figures: Figures, course: Course, models: Models,
+    event: ContactArrays, scene: Scene, own: OwnFields, given: Given, figures: Figures, course: Course, models: Models,
     memory: Memory, taken: LawInputs,
 ) -> int:  # fmt: skip
     """Do the same for the controller `model`, which also lets its law know when the finger leaves the plate.

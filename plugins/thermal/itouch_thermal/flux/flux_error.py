@@ -93,7 +93,7 @@ def compare(beside: Floats, sensor: float, deviation: float, desired: float) -> 
     beside[_READ] += 1.0
 
 
-def witness(state: Record, name: str, truth: float, estimate: float, desired: float) -> None:
+def note_ground_truth(state: Record, name: str, truth: float, estimate: float, desired: float) -> None:
     """Take in the true flux [W/m2], which a virtual rig knows; ``estimate`` [W/m2], NaN in ticks without a new one."""
     beside = state[f"{name}.beside"]
     beside[_TRUE] += _relative(truth - desired, desired)
@@ -138,13 +138,13 @@ def measures(state: Record, name: str, source: str) -> dict[str, float | str | b
     return found
 
 
-def ended(entry: Mapping[str, Any]) -> str:
+def contact_summary(entry: Mapping[str, Any]) -> str:
     """Return a few words on a contact that has ended."""
     mean = entry.get("mean_flux_W_m2")
     return "no heat rendered" if mean is None else f"mean flux {mean:.0f} W/m2"
 
 
-def remarks(entry: Mapping[str, Any]) -> tuple[str, ...]:
+def contact_warnings(entry: Mapping[str, Any]) -> tuple[str, ...]:
     """Say in which ways a touch was not as it should have been, and how good its estimated flux is."""
     found, where = [], f"{entry['object']} at {entry['begin_s']:.3f} s"
     if entry.get("plate_ready") is False:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from itouch.plugin import Bound, ContactEvent, HeardContact, Record
+from itouch.plugin import Bound, ContactArrays, ContactEvent, Record
 from itouch_thermal.flux import actuation, contact_events, flux_tick, views
 from itouch_thermal.flux.curve import Curve
 from itouch_thermal.flux.flux_model import FluxModel
@@ -37,7 +37,7 @@ class Tick:
 
     def __init__(self, model: FluxModel, state: Record) -> None:
         self.model = model
-        self._event: HeardContact | None = None
+        self._event: ContactArrays | None = None
         self.scene, self.own = _scene(model, state), _own(model, state)
         given, figures = _given(model), _figures(model)
         self._plain = self.scene, self.own, given, figures
@@ -81,7 +81,7 @@ class Tick:
         for call in self.issued:
             call.run()
 
-    def heard(self, event: HeardContact) -> Bound:
+    def heard(self, event: ContactArrays) -> Bound:
         """Return the handling of an event as one call, which leaves unusual ones to Python."""
         if self.model.law is None:
             return Bound(contact_events.hear_without_law, event, *self._plain)
@@ -89,17 +89,17 @@ class Tick:
 
     def hear(self, event: ContactEvent) -> Bound:
         """Return the same for an event that has happened."""
-        return self._hear_numbers(HeardContact.of(event, self.model.finger_number))
+        return self._hear_numbers(ContactArrays.of(event, self.model.finger_number))
 
-    def _hear_numbers(self, numbers: HeardContact) -> Bound:
+    def _hear_numbers(self, numbers: ContactArrays) -> Bound:
         if self._event is None:
-            self._event = HeardContact._make([np.array(number) for number in numbers])
+            self._event = ContactArrays._make([np.array(number) for number in numbers])
             self._hear = self.heard(self._event)
         for view, number in zip(self._event, numbers, strict=True):
             view[...] = number
         return self._hear
 
-    def join(self, event: HeardContact) -> None:
+    def join(self, event: ContactArrays) -> None:
         """Make all calls that Python may run ready now, which takes longer than a tick may.  ``event`` is any."""
         calls = [self.attend, *self.issued, self._hear_numbers(event)]
         if self.model.law is not None:

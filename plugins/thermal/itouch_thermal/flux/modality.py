@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from itouch.plugin import Bound, Contact, ContactEvent, Field, HeardContact, Modality, Record, Role, World
+from itouch.plugin import Bound, Contact, ContactArrays, ContactEvent, Field, Modality, Record, Role, World
 from itouch_thermal.flux import actuation, condensation, flux_error, flux_report, joined, predictive, published
 from itouch_thermal.flux.flux_control_params import FluxControlParams
 from itouch_thermal.flux.flux_model import FluxModel, flux_model
@@ -69,14 +69,14 @@ class FluxControl(Modality):
     """Makes the plate draw the desired flux."""
 
     Params = FluxControlParams
-    hears = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
+    subscribes_to = frozenset({Contact.NEAR, Contact.BEGIN, Contact.END})
     #: What has been learnt of the plant, and what is on its way to it: without these a new scene's first touches would
     #: be 15 to 25 % off.
-    goes_on = (
+    persistent_fields = (
         "calm", "looked", "tracked", "x", "theta", "queue", "line", "slots", "departed", "gain", "memory", "cover",
         "single", "condensation_time", "sent_log", "before", "waited", "interval",
     )  # fmt: skip
-    lengthened = frozenset({"preview_object"})
+    extended_fields = frozenset({"preview_object"})
     measured = flux_error.MEASURED
 
     def compile(self, name: str, params: FluxControlParams, world: World) -> FluxModel:
@@ -109,11 +109,11 @@ class FluxControl(Modality):
         """Return the display's channels that it commands: a current, or a temperature and whether the output is on."""
         return actuation.channels(model)
 
-    def attends(self, model: FluxModel) -> bool:
+    def uses_intermediate_ticks(self, model: FluxModel) -> bool:
         """Tell whether every tick counts: behind a wire the newest command leaves, and readings come, at any time."""
         return model.wire and model.law is not None
 
-    def between(self, model: FluxModel, state: Record) -> None:
+    def on_intermediate_tick(self, model: FluxModel, state: Record) -> None:
         """Do the same as in an update."""
         self.update(model, state, model.period)
 
@@ -146,7 +146,7 @@ class FluxControl(Modality):
             tick.attend.run()
             published.control(model, tick, state, period)
 
-    def left_out(self, model: FluxModel, state: Record, seconds: float) -> None:
+    def on_skipped_time(self, model: FluxModel, state: Record, seconds: float) -> None:
         """Let the law go on under the current that left last; the touch is older by the time left out."""
         if model.truth:  # a simulated display, and the finger on it, have stood still
             return
@@ -160,14 +160,14 @@ class FluxControl(Modality):
         """Return the update of these views as compiled calls, which leave unusual ticks to Python; empty: none can."""
         return joined.Tick(model, state).bounds if joined.joins(model, state) else ()
 
-    def bound_contact(self, model: FluxModel, state: Record, event: HeardContact) -> Bound | None:
+    def bound_contact(self, model: FluxModel, state: Record, event: ContactArrays) -> Bound | None:
         """Return the handling of an event as one compiled call, which leaves unusual ones to Python; None: all are."""
         joins = joined.joins(model, state)
         if not joins or joined.leaves(model):
             joined.tick_of(model, state).join(event)
         return joined.Tick(model, state).heard(event) if joins else None
 
-    def witness(self, model: FluxModel, state: Record, twins: Mapping[str, Record]) -> None:
+    def on_ground_truth(self, model: FluxModel, state: Record, twins: Mapping[str, Record]) -> None:
         """Take in the true flux, which the twin behind the display's emulator knows."""
         names, twin = model.names, twins.get(model.params.display)
         if twin is None or names.truth not in twin or not state[names.touching].item():
@@ -185,7 +185,7 @@ class FluxControl(Modality):
         else:
             desired = curve.at((tick - state[names.begun].item() + 1) * model.period)
         estimate = math.nan if tick % model.hold else state[names.obtained].item()
-        flux_error.witness(state, model.name, truth, estimate, desired)
+        flux_error.note_ground_truth(state, model.name, truth, estimate, desired)
 
     def measures(
         self, model: FluxModel, state: Record, probe: str, object_index: int
@@ -197,13 +197,13 @@ class FluxControl(Modality):
         source = "estimate" if model.estimates else "twin" if truth else "sensor"
         return flux_error.measures(state, model.name, source)
 
-    def ended(self, model: FluxModel, entry: Mapping[str, Any]) -> str:
+    def contact_summary(self, model: FluxModel, entry: Mapping[str, Any]) -> str:
         """Return a few words on the contact: its mean flux."""
-        return flux_error.ended(entry) if entry["probe"] == model.probe else ""
+        return flux_error.contact_summary(entry) if entry["probe"] == model.probe else ""
 
-    def remarks(self, model: FluxModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
+    def contact_warnings(self, model: FluxModel, entry: Mapping[str, Any]) -> tuple[str, ...]:
         """Return remarks on a plate that was not ready, or limited, and on how good an estimated flux is."""
-        return flux_error.remarks(entry) if entry["probe"] == model.probe else ()
+        return flux_error.contact_warnings(entry) if entry["probe"] == model.probe else ()
 
     def status(self, model: FluxModel, state: Record) -> str:
         """Return the plate's temperature, with its readiness or, in a touch, the desired flux."""

@@ -31,7 +31,7 @@ class VoiceCoilRender(Modality):
     """Vibration that the texture and the sliding speed give."""
 
     Params, Material = VoiceCoilRenderParams, VoiceCoilMaterial
-    hears = frozenset((Contact.BEGIN, Contact.MOVE, Contact.END))
+    subscribes_to = frozenset((Contact.BEGIN, Contact.MOVE, Contact.END))
 
     def compile(self, name, params, world):
         """Return the read-only model: made once, from parameters, materials and the coil."""
