@@ -29,10 +29,10 @@ class Fails(Emulator):
     def close(self) -> None:
         """Have nothing to close."""
 
-    def handles(self) -> Any:
+    def file_descriptors(self) -> Any:
         return []
 
-    def patience(self) -> float:
+    def service_interval(self) -> float:
         return 1e-3
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:

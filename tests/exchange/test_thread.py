@@ -161,7 +161,7 @@ def test_a_hung_device_does_not_hold_the_caller(device: _Slow) -> None:
 
 
 def test_closing_waits_longer_for_a_device_whose_answers_are_waited_for_longer(device: _Slow) -> None:
-    device.patience = 100.0
+    device.timeout_factor = 100.0
     threaded = ThreadedDevice(device, patience=10.0)
     threaded.open()
     device.hang.clear()
@@ -248,12 +248,12 @@ def test_a_device_that_refuses_to_open_says_why(device: _Slow) -> None:
 class _Patient(_Slow):
     """Waits for commands, and knows when it measured."""
 
-    waits: ClassVar[float] = 60.0
+    command_wait: ClassVar[float] = 60.0
 
     def read(self, reading: Record) -> bool | None:
-        assert self.stamps is not None
-        self.stamps.left()
-        self.stamps.measured("pose", ago=0.05)
+        assert self.timestamps is not None
+        self.timestamps.left()
+        self.timestamps.measured("pose", ago=0.05)
         return super().read(reading)
 
 

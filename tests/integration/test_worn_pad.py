@@ -45,7 +45,7 @@ class PadTwin(Twin):
         target = command["target"].item() or 306.15
         state["face"] += period / self.params.lag * (target - state["face"].item())
         state["felt"] = max(state["felt"].item(), touch.force)
-        touch.taken[0] = (touch.skin[0] - state["face"].item()) / self.params.resistance
+        touch.heat_flux[0] = (touch.skin_temperature[0] - state["face"].item()) / self.params.resistance
 
     def read(self, state, reading):
         reading["bulk"] = state["face"]

@@ -488,16 +488,16 @@ def refused(tmp_path: Path, modality: Any, device: Any) -> str:
 
 #: Method of a device class -> an answer that cannot be used, and what is said of it.
 ANSWERS: list[tuple[str, Any, str]] = [
-    ("duration", np.nan, "it returned nan; a time in seconds"),
-    ("duration", np.inf, "it returned inf; a time in seconds"),
-    ("duration", None, "it returned None; a time in seconds"),
-    ("face", (0.02,), "two half extents"),
-    ("face", 0.02, "two half extents"),
-    ("takes", "3 ms", "it returned '3 ms'; a time in seconds"),
-    ("lets_go", np.nan, "it returned nan; the seconds after which it makes itself safe"),
-    ("lets_go", np.inf, "it returned inf; the seconds after which it makes itself safe"),
-    ("lets_go", -1.0, "it returned -1.0; the seconds after which it makes itself safe"),
-    ("lets_go", "0.1 s", "it returned '0.1 s'; the seconds after which it makes itself safe"),
+    ("motion_duration", np.nan, "it returned nan; a time in seconds"),
+    ("motion_duration", np.inf, "it returned inf; a time in seconds"),
+    ("motion_duration", None, "it returned None; a time in seconds"),
+    ("surface_half_extents", (0.02,), "two half extents"),
+    ("surface_half_extents", 0.02, "two half extents"),
+    ("exchange_time_for", "3 ms", "it returned '3 ms'; a time in seconds"),
+    ("watchdog_for", np.nan, "it returned nan; the seconds after which it makes itself safe"),
+    ("watchdog_for", np.inf, "it returned inf; the seconds after which it makes itself safe"),
+    ("watchdog_for", -1.0, "it returned -1.0; the seconds after which it makes itself safe"),
+    ("watchdog_for", "0.1 s", "it returned '0.1 s'; the seconds after which it makes itself safe"),
     ("bind", None, "it returned None; what driver and twin are made from"),
     ("channels", ((pose(),), wrench(force=2.0)), "each a tuple of Channel"),
     ("channels", None, "it returned None; (reads, commands)"),
@@ -514,7 +514,9 @@ def test_what_a_device_class_answers_is_a_problem_of_the_scene_if_it_can_not_be_
     assert "(test_failing_plugins.py, line " in told
 
 
-@pytest.mark.parametrize("method", ["duration", "face", "takes", "lets_go", "opens_twice"])
+@pytest.mark.parametrize(
+    "method", ["motion_duration", "surface_half_extents", "exchange_time_for", "watchdog_for", "second_opener_for"]
+)
 def test_a_device_class_that_fails_when_it_is_asked_is_a_problem_of_the_scene(tmp_path: Path, method: str) -> None:
     def act(cls: Any, *rest: Any) -> None:
         raise SystemExit(7)
@@ -525,7 +527,7 @@ def test_a_device_class_that_fails_when_it_is_asked_is_a_problem_of_the_scene(tm
 
 @pytest.mark.parametrize(
     "declared",
-    [{"watchdog": np.nan}, {"watchdog": "0.1"}, {"period": -1e-3}, {"delay": np.nan}, {"waits": "no"}],
+    [{"watchdog": np.nan}, {"watchdog": "0.1"}, {"period": -1e-3}, {"delay": np.nan}, {"command_wait": "no"}],
     ids=repr,
 )
 def test_a_time_of_a_device_class_that_is_none_is_a_problem_of_the_scene(tmp_path: Path, declared: Any) -> None:

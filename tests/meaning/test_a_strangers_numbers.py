@@ -171,8 +171,8 @@ def test_what_an_older_plugin_leaves_unsaid_is_told_and_runs():
         reads = (Channel("squeeze", 1, "Pa"), Channel("share", 1, ""))
         blocking = False
 
-    assert any("'squeeze'" in sentence and "doc=" in sentence for sentence in Old.undeclared)
-    assert any("'share'" in sentence and 'unit="1"' in sentence for sentence in Old.undeclared)
+    assert any("'squeeze'" in sentence and "doc=" in sentence for sentence in Old.declaration_problems)
+    assert any("'share'" in sentence and 'unit="1"' in sentence for sentence in Old.declaration_problems)
     assert any("timing = Timing(blocking=...)" in sentence for sentence in Old.deprecations)
 
 

@@ -12,7 +12,20 @@ import pytest
 
 import itouch.plugin
 from itouch.moved import HasOldNames
-from itouch.plugin import Attached, Contact, Device, Field, OperatorInput, Record, Role, Twin, temperature
+from itouch.plugin import (
+    Attached,
+    Contact,
+    Device,
+    Emulation,
+    Field,
+    OperatorInput,
+    Record,
+    Role,
+    Timing,
+    Twin,
+    TwinInputs,
+    temperature,
+)
 from itouch.testing import DeviceHarness, DeviceTests
 
 
@@ -63,6 +76,8 @@ def test_an_older_device_is_found_led_and_stands_in_its_room() -> None:
 
 def test_what_is_called_otherwise_now_is_told_once_each() -> None:
     told = " ".join((*Older.deprecations, *Older.Twin.deprecations))
+    with pytest.warns(DeprecationWarning, match="'undeclared' is 'declaration_problems' now: use that"):
+        assert Older.undeclared == Older.declaration_problems  # type: ignore[attr-defined]
     with pytest.warns(DeprecationWarning, match="'outdated' is 'deprecations' now: use that"):
         assert Older.outdated == Older.deprecations  # type: ignore[attr-defined]
     for old, new in (("led_by", "input_source"), ("attached", "discover"), ("stand", "set_environment")):
@@ -74,7 +89,8 @@ def test_old_names_that_are_used_warn_and_are_what_they_were() -> None:
         assert itouch.plugin.Touch is itouch.plugin.TwinInputs  # type: ignore[attr-defined]
     with pytest.warns(DeprecationWarning, match="input_source"):
         assert OperatorInput(led_by="keyboard") == OperatorInput(input_source="keyboard")
-    for old, new in (("Carries", "SurfaceFields"), ("Touches", "ContactFields"), ("HeardContact", "ContactArrays")):
+    for old, new in (("Carries", "SurfaceFields"), ("Touches", "ContactFields"), ("HeardContact", "ContactArrays"),
+                     ("Stamps", "Timestamps")):  # fmt: skip
         with pytest.warns(DeprecationWarning, match=f"'itouch.plugin.{old}' is '{new}' now: import that"):
             assert getattr(itouch.plugin, old) is getattr(itouch.plugin, new)
     with pytest.raises(AttributeError, match="no attribute 'Tuch'"):
@@ -155,9 +171,53 @@ def test_a_value_that_is_set_by_one_name_is_read_by_the_other() -> None:
             assert one.hears == frozenset()
 
 
+def test_a_group_with_an_old_name_beside_what_is_declared_alone_loses_nothing() -> None:
+    """Unfolding a group must not put its default in the place of what the class says by the old name."""
+    older = _made(Device, timing=Timing(blocking=True), waits=0.01)
+    assert (older.blocking, older.command_wait) == (True, 0.01)
+    assert any("timing = Timing(command_wait=...)" in one for one in _made(Device, command_wait=0.01).deprecations)
+    newer = _made(older, timing=Timing(command_wait=0.02))
+    assert newer.command_wait == 0.02
+    with pytest.warns(DeprecationWarning, match="'waits' is 'command_wait' now: use that"):
+        assert newer.waits == 0.02
+
+
+def test_an_older_device_reads_what_the_framework_sets_by_the_new_name() -> None:
+    class Reading(Older):
+        patience = 2.0  # it has declared its own, and still the framework's holds
+
+        def open(self) -> None: ...
+
+        def close(self) -> None: ...
+
+        def read(self, reading: Record) -> bool:
+            return bool(self.patience == 20.0 and self.stamps is self.limits)  # type: ignore[attr-defined]
+
+    device = Reading(None)
+    assert device.timeout_factor == 2.0
+    device.timeout_factor, device.timestamps = 20.0, device.limits  # type: ignore[assignment]
+    with pytest.warns(DeprecationWarning) as told:
+        assert device.read(Record.of(()))
+    assert {str(one.message) for one in told} == {
+        "'patience' is 'timeout_factor' now: use that", "'stamps' is 'timestamps' now: use that",
+    }  # fmt: skip
+
+
+def test_an_older_twin_writes_to_its_inputs_by_their_old_names() -> None:
+    touch = TwinInputs(force=1.5)
+    for old, new in (("face", "force_and_gap"), ("skin", "skin_temperature"), ("taken", "heat_flux"),
+                     ("beside", "total_heat_flux")):  # fmt: skip
+        with pytest.warns(DeprecationWarning, match=f"'{old}' is '{new}' now: use that"):
+            getattr(touch, old)[0] = 3.0
+        assert getattr(touch, new)[0] == 3.0
+    assert touch.force == 3.0
+
+
 #: What is made with which old keywords -> by which new ones.
 KEYWORDS: list[tuple[type, dict[str, Any], dict[str, Any], dict[str, str]]] = [
     (OperatorInput, {}, {"led_by": "mouse"}, {"led_by": "input_source"}),
+    (Timing, {}, {"waits": 0.01}, {"waits": "command_wait"}),
+    (Emulation, {}, {"fits": ()}, {"fits": "calibrations"}),
     (itouch.plugin.ContactFields, {"probe": "tip"}, {"damped": True}, {"damped": "add_damping"}),
     (
         itouch.plugin.SurfaceFields,

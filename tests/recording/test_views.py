@@ -226,7 +226,9 @@ def test_colours_are_shares_of_red_green_and_blue(session: Any) -> None:
 
     engine, _, _ = session
     solids = view_of(engine.model, engine.state).solids
-    faces = [device for device in engine.model.devices.values() if device.cls.face(device.params) is not None]
+    faces = [
+        device for device in engine.model.devices.values() if device.cls.surface_half_extents(device.params) is not None
+    ]
     assert {solid.name for solid in solids} >= {f"{device.name}/face" for device in faces}
     assert all(len(solid.colour) == 4 and min(solid.colour) >= 0.0 and max(solid.colour) <= 1.0 for solid in solids)
 

@@ -54,7 +54,7 @@ class Cached(Pad):
         self.last = now if fresh else self.last
         reading["t"], reading["j"], reading["b"] = K0 + 30.0 + 1e-3 * (now % 1.0), 0.0, 0.0
         if not fresh:
-            self.stamps.measured(*self.honest, ago=now - self.last)
+            self.timestamps.measured(*self.honest, ago=now - self.last)
         time.sleep(0.005)
         return True
 
@@ -89,7 +89,7 @@ def test_the_ages_on_the_way_and_since_are_one(tmp_path: Path) -> None:
                 return False
             self.last = now
             reading["t"], reading["j"], reading["b"] = K0 + 30.0 + 1e-3 * (now % 1.0), 0.0, 0.0
-            self.stamps.measured(ago=0.3 if now - self.begin > 0.3 else 0.0)
+            self.timestamps.measured(ago=0.3 if now - self.begin > 0.3 else 0.0)
             return True
 
     with itouch.build(

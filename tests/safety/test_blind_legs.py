@@ -47,7 +47,7 @@ class Legs:
         takes: dict[str, Any] | None = None, feels: bool = True, leaves: int | None = None, age: int = 0,
     ) -> None:  # fmt: skip
         kind = type("Kind", (Fake,), takes or {})
-        kind.takes = classmethod(lambda cls, params: (takes or {}).get("exchange", 0.0))  # type: ignore[attr-defined]
+        kind.exchange_time_for = classmethod(lambda cls, params: (takes or {}).get("exchange", 0.0))  # type: ignore[attr-defined]
         reads, _ = TABLE
         target = pose_target(low=(-0.1, -0.1, max(low, -1.0)), high=(0.1, 0.1, min(high, 1.0)), speed=0.3)
         endless = math.isinf(low) and math.isinf(high)

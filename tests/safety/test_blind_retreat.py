@@ -37,7 +37,7 @@ class Wire(Fake, Stamped):
     every = 1
 
     @classmethod
-    def takes(cls, params: Any) -> float:
+    def exchange_time_for(cls, params: Any) -> float:
         return cls.every * PERIOD
 
     def measured(self, state: Record, tick: int, ticks: NDArray[Any]) -> None:

@@ -112,7 +112,7 @@ def test_no_reading_is_from_the_future_or_from_never(tmp_path: Path, time: dict[
         reading[HELD.name] = 1.0
         warm(self.count, reading)  # type: ignore[attr-defined]
         if self.count > 20:  # type: ignore[attr-defined]
-            self.stamps.measured(**time)
+            self.timestamps.measured(**time)
 
     session = built(tmp_path, warm, (PLATE,), (current(limit=4.0),), blocking=True, period=0.002, read=read)
     (runner,) = session.runners

@@ -64,7 +64,7 @@ def told(folder: Path, cls: type[Device], twin: str) -> list[str]:
         ({"exchange_time": 0.0205}, "no", "will be stopped"),
         ({"period": 0.018}, "no", ""),
         ({"period": 0.018, "exchange_time": 0.004}, "no", "may be stopped"),
-        ({"exchange_time": 0.008, "waits": 0.009}, "no", "may be stopped"),
+        ({"exchange_time": 0.008, "command_wait": 0.009}, "no", "may be stopped"),
         ({"exchange_time": 0.014}, "yes", ""),  # only what the twin is given counts for it
         ({"delay": 0.009}, "yes", ""),
         ({"delay": 0.012}, "yes", "will be stopped"),

@@ -27,7 +27,7 @@ class Stick(Device):
     opening = Opening(second_opener=True, moves_on_open={moves})
     begun = 0.0
     @classmethod
-    def missing(cls, bound):
+    def unavailable_reason(cls, bound):
         cls.begun = cls.begun or time.monotonic()
         return "there is nothing at its port" if time.monotonic() > cls.begun + 1.0 else ""
     def open(self):

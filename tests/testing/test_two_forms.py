@@ -217,7 +217,7 @@ class TwoFormsTwin(SliderTwin):
             state["place"][i] = touch.finger_pose[i] + 1e-3 * command["wrench"][i]
 
     def bound_step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> Bound:
-        given = (touch.finger_pose, touch.wrench, command["wrench"], touch.skin)
+        given = (touch.finger_pose, touch.wrench, command["wrench"], touch.skin_temperature)
         return Bound(_step, self.which, state["place"], *given)
 
     def read(self, state: Record, reading: Record) -> bool:

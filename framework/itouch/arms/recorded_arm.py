@@ -147,7 +147,7 @@ class Recorded(TwinOnlyArm):
             raise ParameterError("file", f"'{params.file}' is not a motion: {error}") from error
 
     @classmethod
-    def duration(cls, bound: Any) -> float:
+    def motion_duration(cls, bound: Any) -> float:
         """Return how long the recording lasts [s]."""
         return bound.duration if isinstance(bound, Played) else 0.0
 

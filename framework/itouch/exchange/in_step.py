@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.exchange.exchanged import Exchanged
-from itouch.plugin import Device, Emulator, Field, Record, Stamps
+from itouch.plugin import Device, Emulator, Field, Record, Timestamps
 from itouch.plugin.stamps import ticks_of
 
 #: Factor on drivers' timeouts in step: the simulated world stands still while they wait.  Other processes, above all
@@ -43,13 +43,13 @@ class EveryNth(Exchanged):
         self._every, self._waits = every, waits
         self._since, self._command, self._sent = every + waits, b"", b""
         reads, self._commands = (cls or type(device)).channels(device.params)
-        self._stamps = Stamps([channel.name for channel in reads])
+        self._stamps = Timestamps([channel.name for channel in reads])
         self._record = Record.of(Field.of(channel) for channel in self._commands)
         self._told, self._reads = True, 0
 
     def open(self) -> None:
         """Open the device, which uses the loop's time from then on."""
-        self.device.trace, self.device.patience, self.device.stamps = self.trace, PATIENCE, self._stamps
+        self.device.trace, self.device.timeout_factor, self.device.timestamps = self.trace, PATIENCE, self._stamps
         self.device.clock = lambda: self._reads * self._period
         self._since, self._command, self._sent = self._every + self._waits, b"", b""
         self._told = True  # what was sent before it was opened again is not reported

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.exchange.exchanged import Exchanged, still_inside
-from itouch.plugin import RETRACT, Channel, Device, DeviceError, Emulator, Field, Record, Stamps
+from itouch.plugin import RETRACT, Channel, Device, DeviceError, Emulator, Field, Record, Timestamps
 from itouch.plugin.device import is_new
 from itouch.plugin.stamps import ticks_of
 from itouch.schema.diagnostics import named
@@ -48,9 +48,9 @@ class ThreadedDevice(Exchanged):
     """Runs another device's ``open``, ``write``, ``read`` and ``close`` in one thread, one after the other.
 
     An exchange writes the newest command, if one has come since the last exchange, and reads; the next one follows
-    after the device's period.  With a device that ``waits``, an exchange begins as soon as there is a different command
-    to send, or without one after that waiting time.  A command that has not been renewed for ``patience`` [s] is
-    replaced by the safe one: a loop that hangs must not leave its last force in effect.  A surface retracts then no
+    after the device's period.  With a device that declares a ``command_wait``, an exchange begins as soon as there is a
+    different command to send, or without one after that time.  A command that has not been renewed for ``patience`` [s]
+    is replaced by the safe one: a loop that hangs must not leave its last force in effect.  A surface retracts then no
     further than to ``lowest``: a safe sequence may have found that retracting brings it nearer to the finger.
     """
 
@@ -69,8 +69,8 @@ class ThreadedDevice(Exchanged):
         self._wanted: Sent = None
         self._gone: Sent = None
         self._told: Sent = None
-        self._stamps = Stamps([channel.name for channel in self._reads])
-        self._waits, self._woken = type(device).waits, threading.Event()
+        self._stamps = Timestamps([channel.name for channel in self._reads])
+        self._waits, self._woken = type(device).command_wait, threading.Event()
         self._error: Raised | None = None
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
@@ -96,7 +96,7 @@ class ThreadedDevice(Exchanged):
                 if thread.is_alive():
                     raise DeviceError(still_inside(self._method))
         self._newest = self._taken = self._wanted = self._gone = self._told = self._error = None
-        self.device.trace, self.device.stamps = self.trace, self._stamps
+        self.device.trace, self.device.timestamps = self.trace, self._stamps
         self.lowest, self._closes = math.nan, False
         opened, read, self._ending = threading.Event(), threading.Event(), threading.Event()
         self.called = "open"
@@ -178,7 +178,7 @@ class ThreadedDevice(Exchanged):
         self._woken.set()
         if thread is None:
             return
-        thread.join(CLOSE_TIME * max(1.0, self.device.patience))
+        thread.join(CLOSE_TIME * max(1.0, self.device.timeout_factor))
         if thread.is_alive():
             self.lowest = math.inf
             raise DeviceError("does not answer; it will be closed when its exchange ends")
@@ -323,7 +323,7 @@ class ServedEmulator:
                 self._reading.raw.data[:] = shown
                 driven = emulator.serve(now, self._reading, self._command)
                 self._asked = driven, self._command.tobytes()
-                select.select(emulator.handles(), [], [], max(0.0, emulator.patience()))
+                select.select(emulator.file_descriptors(), [], [], max(0.0, emulator.service_interval()))
         except BaseException as error:
             self._error = told(error)
 

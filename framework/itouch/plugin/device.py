@@ -12,13 +12,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from itouch.moved import HasOldNames
+from itouch.moved import HasOldNames, OldName, with_old_fields
 from itouch.plugin.bound import Bound
 from itouch.plugin.channel import Channel
 from itouch.plugin.declaration_rules import faults_of, unguessable
 from itouch.plugin.groups import Grouped
 from itouch.plugin.record import Field, Record
-from itouch.plugin.stamps import Stamps
+from itouch.plugin.stamps import Timestamps
 from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
 
@@ -36,22 +36,25 @@ class Attached:
     note: str
 
 
+@with_old_fields(face="force_and_gap", skin="skin_temperature", taken="heat_flux", beside="total_heat_flux")
 class TwinInputs:
     """What the simulated world presents to a twin in one tick, in the device's frame.
 
     ``finger_pose`` (7,) [m; quaternion] and ``finger_twist`` (6,) [m/s, rad/s] are those of the finger's centre;
     ``wrench`` (6,) [N, N m] acts on the device; ``force`` [N] presses on the device's face and ``gap`` [m] is the
-    distance between face and finger pad (negative while they touch), the two together being the array ``face`` (2,);
-    ``ambient`` [K] is the room's temperature.
+    distance between face and finger pad (negative while they touch), the two together being the array
+    ``force_and_gap`` (2,); ``ambient`` [K] is the room's temperature.
 
-    A worn device, which is mounted on the device that tracks the finger, is always in contact with it: ``face`` then
-    has the force on the finger and no gap, ``skin`` (1,) is the skin's temperature [K], and the twin writes to
-    ``taken`` (1,) the heat flux that it takes out of the finger [W/m2], as the mean over the fingertip.  ``beside``
-    (1,) is the heat flux that all worn devices take together, for a twin with a model of the finger's tissue.
+    A worn device, which is mounted on the device that tracks the finger, is always in contact with it:
+    ``force_and_gap`` then has the force on the finger and no gap, ``skin_temperature`` (1,) is the skin's temperature
+    [K], and the twin writes to ``heat_flux`` (1,) the heat flux that it takes out of the finger [W/m2], as the mean
+    over the fingertip.  ``total_heat_flux`` (1,) is the heat flux that all worn devices take together, for a twin with
+    a model of the finger's tissue.
     """
 
     __slots__ = (
-        "ambient", "beside", "face", "finger_attached", "finger_pose", "finger_twist", "skin", "taken", "wrench",
+        "ambient", "finger_attached", "finger_pose", "finger_twist", "force_and_gap", "heat_flux", "skin_temperature",
+        "total_heat_flux", "wrench",
     )  # fmt: skip
 
     def __init__(
@@ -60,31 +63,31 @@ class TwinInputs:
         self.finger_pose: NDArray[np.float64] = np.array([0.0, 0, 0, 1, 0, 0, 0])
         self.finger_twist: NDArray[np.float64] = np.zeros(6)
         self.wrench: NDArray[np.float64] = np.zeros(6)
-        self.face: NDArray[np.float64] = np.array([force, gap])
-        self.skin: NDArray[np.float64] = np.array([306.15])
-        self.taken: NDArray[np.float64] = np.zeros(1)
-        self.beside: NDArray[np.float64] = np.zeros(1)
+        self.force_and_gap: NDArray[np.float64] = np.array([force, gap])
+        self.skin_temperature: NDArray[np.float64] = np.array([306.15])
+        self.heat_flux: NDArray[np.float64] = np.zeros(1)
+        self.total_heat_flux: NDArray[np.float64] = np.zeros(1)
         self.ambient, self.finger_attached = ambient, finger_attached
 
     @property
     def force(self) -> float:
         """The force that presses on the face [N]."""
-        force: float = self.face[0].item()
+        force: float = self.force_and_gap[0].item()
         return force
 
     @force.setter
     def force(self, value: float) -> None:
-        self.face[0] = value
+        self.force_and_gap[0] = value
 
     @property
     def gap(self) -> float:
         """The distance between face and finger pad [m]."""
-        gap: float = self.face[1].item()
+        gap: float = self.force_and_gap[1].item()
         return gap
 
     @gap.setter
     def gap(self, value: float) -> None:
-        self.face[1] = value
+        self.force_and_gap[1] = value
 
 
 class Twin(HasOldNames, ABC):
@@ -158,7 +161,11 @@ class Device(Grouped, ABC):
         Then too, if ``reads`` or ``commands`` has anything but channels, or is a single channel.
     """
 
-    _OLD_NAMES = {"attached": "discover"}
+    _OLD_NAMES = {
+        "attached": "discover", "duration": "motion_duration", "face": "surface_half_extents",
+        "lets_go": "watchdog_for", "missing": "unavailable_reason", "opens_twice": "second_opener_for",
+        "patience": "timeout_factor", "stamps": "timestamps", "takes": "exchange_time_for",
+    }  # fmt: skip
 
     #: Frozen dataclass of schema fields: the device's XML element ``<NAME:hardware>``.
     Params: ClassVar[type]
@@ -168,13 +175,13 @@ class Device(Grouped, ABC):
     Twin: ClassVar[type[Twin] | None] = None
 
     #: What the channels fail to declare, one sentence each; found when the class is defined.
-    undeclared: ClassVar[tuple[str, ...]] = ()
+    declaration_problems: ClassVar[tuple[str, ...]] = ()
 
     #: Trace of the transfers on the wire; set before ``open``, None: nothing is traced.
     trace: Trace | None = None
 
     #: Where a blocking device can record when it measured and when its command left; set before ``open``, or None.
-    stamps: Stamps | None = None
+    timestamps: Timestamps | None = None
 
     #: The limits in force, SI, by their names in ``<limits>``; set before ``open``, for a device that has its own too.
     limits: Mapping[str, float | tuple[float, float]] = MappingProxyType({})
@@ -184,7 +191,7 @@ class Device(Grouped, ABC):
     clock: Callable[[], float] = staticmethod(time.monotonic)
 
     #: Factor on timeouts of answers; more than 1 only if time is simulated on a busy machine.
-    patience: float = 1.0
+    timeout_factor: float = 1.0
 
     def __init__(self, params: Any) -> None:
         self.params = params
@@ -216,12 +223,12 @@ class Device(Grouped, ABC):
         return cls.reads, cls.commands
 
     @classmethod
-    def takes(cls, params: Any) -> float:
+    def exchange_time_for(cls, params: Any) -> float:
         """Return how long [s] one exchange takes with these parameters; by default ``exchange_time``."""
         return cls.exchange_time
 
     @classmethod
-    def lets_go(cls, params: Any) -> float | None:
+    def watchdog_for(cls, params: Any) -> float | None:
         """Return after how long [s] without a command the device, with these parameters, makes itself safe.
 
         None: it does not, and needs the guardian and the dead-man's switch; by default ``watchdog``.
@@ -229,7 +236,7 @@ class Device(Grouped, ABC):
         return cls.watchdog
 
     @classmethod
-    def opens_twice(cls, params: Any) -> bool:
+    def second_opener_for(cls, params: Any) -> bool:
         """Tell whether another process can make it safe, with these parameters; by default ``second_opener``."""
         return cls.second_opener
 
@@ -265,12 +272,12 @@ class Device(Grouped, ABC):
         return params
 
     @classmethod
-    def duration(cls, bound: Any) -> float:
+    def motion_duration(cls, bound: Any) -> float:
         """Return how long the twin's own motion lasts [s], given what ``bind`` returned; 0: it has none."""
         return 0.0
 
     @classmethod
-    def face(cls, params: Any) -> tuple[float, float] | None:
+    def surface_half_extents(cls, params: Any) -> tuple[float, float] | None:
         """Return the half extents [m] of the flat face at the device's origin that a finger can touch, or None."""
         return None
 
@@ -280,7 +287,7 @@ class Device(Grouped, ABC):
         return None
 
     @classmethod
-    def missing(cls, bound: Any) -> str:
+    def unavailable_reason(cls, bound: Any) -> str:
         """Return why the device cannot be opened, as far as that is known without opening it; empty: nothing is known.
 
         It is called for devices that move when they are opened, before a person is asked to hold the dead-man's switch;
@@ -313,4 +320,8 @@ class Device(Grouped, ABC):
         hurting = list(unguessable(cls.reads))
         if hurting:
             raise ValueError(f"device class {cls.__name__}: {'; '.join(hurting)}")
-        cls.undeclared = (*faults_of(cls.reads, "reading"), *faults_of(cls.commands, "command"))
+        cls.declaration_problems = (*faults_of(cls.reads, "reading"), *faults_of(cls.commands, "command"))
+
+
+# Found for each class, never declared by a plugin.
+setattr(Device, "undeclared", OldName(Device, "undeclared", "declaration_problems"))  # noqa: B010

@@ -20,35 +20,41 @@ class Emulator(HasOldNames, ABC):
     commands of the host.
     """
 
+    _OLD_NAMES = {
+        "commanded": "command_received", "elsewhere": "with_private_address", "handles": "file_descriptors",
+        "lives": "free_running", "patience": "service_interval", "reachable": "reachable_position",
+        "somewhere": "with_default_address",
+    }  # fmt: skip
+
     #: How much faster than the host's clock the timers of its transport run; set before ``open``.
     speed: float = 1.0
 
     #: True if it does something by itself in simulated time, as a simulated chip does: in step it is then served in
     #: every period, and its host's requests are answered as if in no time.
-    lives: bool = False
+    free_running: bool = False
 
     #: True once a host has sent it any command, even one of zero force.  An arm in free space counts as not driven, but
     #: on a rig with nothing but arms the operator's motion must begin from then on.
-    commanded: bool = False
+    command_received: bool = False
 
     def __init__(self, params: Any) -> None:
         self.params = params
 
     @classmethod
-    def somewhere(cls, params: Any) -> Any:
+    def with_default_address(cls, params: Any) -> Any:
         """Return the parameters with a port or address on this machine filled in, if they name none."""
         return params
 
     @classmethod
-    def elsewhere(cls, params: Any, folder: str) -> Any:
+    def with_private_address(cls, params: Any, folder: str) -> Any:
         """Return the parameters with an address of its own: a file in ``folder``, or a free port of this machine.
 
         Used if driver and emulator run in one process, so that no other program can connect, whatever address is named.
         """
-        return cls.somewhere(params)
+        return cls.with_default_address(params)
 
     @classmethod
-    def reachable(cls, params: Any) -> tuple[float, float, float]:
+    def reachable_position(cls, params: Any) -> tuple[float, float, float]:
         """Return a position [m] in the device's frame, with some room around it, that the real device can reach.
 
         It is called only for a device that tracks the finger.
@@ -98,11 +104,11 @@ class Emulator(HasOldNames, ABC):
             The twin's command, to which the host's commands are written.
         """
 
-    def patience(self) -> float:
+    def service_interval(self) -> float:
         """Return for how long [s] it need not be served if no request comes."""
         return 1e-3
 
-    def handles(self) -> Sequence[int]:
+    def file_descriptors(self) -> Sequence[int]:
         """Return the file descriptors on which the host's next request will arrive."""
         return ()
 

@@ -14,6 +14,7 @@ from itouch.plugin.emulator import Emulator as _Emulator
 from itouch.plugin.fit import Fit
 
 
+@with_old_fields(waits="command_wait")
 @dataclass(frozen=True, slots=True)
 class Timing:
     """How long an exchange with the device takes, and how long it can do without one.
@@ -28,7 +29,7 @@ class Timing:
         Time that one exchange of a blocking device takes [s]; its twin's readings are that old, its commands that late.
     exchange_time
         Time that one exchange over the wire takes in practice [s]; used only for simulating it in step.
-    waits
+    command_wait
         How long [s] a blocking device waits after an exchange for a command that differs from the last one, before it
         exchanges without one; so a new command leaves at once.  0: it exchanges again immediately.
     watchdog
@@ -39,7 +40,7 @@ class Timing:
     period: float = 0.0
     delay: float = 0.0
     exchange_time: float = 0.0
-    waits: float = 0.0
+    command_wait: float = 0.0
     watchdog: float | None = None
 
 
@@ -62,6 +63,7 @@ class Opening:
     twin_only: bool = False
 
 
+@with_old_fields(fits="calibrations")
 @dataclass(frozen=True, slots=True)
 class Emulation:
     """The emulator of the device's wire, and the calibrations of the device.
@@ -70,12 +72,12 @@ class Emulation:
     ----------
     Emulator
         The class that speaks the device's protocol with the twin behind it; None: there is no emulator.
-    fits
+    calibrations
         Calibrations that the device offers besides those of its mount.
     """
 
     Emulator: type[_Emulator] | None = None
-    fits: tuple[Fit, ...] = ()
+    calibrations: tuple[Fit, ...] = ()
 
 
 @with_old_fields(led_by="input_source")
@@ -119,7 +121,7 @@ GROUPS: dict[str, type] = {
 class Grouped(HasOldNames):
     """Unfolds the groups that a class declares into single attributes, which the framework reads."""
 
-    _OLD_NAMES = {"led_by": "input_source"}
+    _OLD_NAMES = {"fits": "calibrations", "led_by": "input_source", "waits": "command_wait"}
 
     timing: ClassVar[Timing] = Timing()
     opening: ClassVar[Opening] = Opening()
@@ -132,13 +134,13 @@ class Grouped(HasOldNames):
     period: ClassVar[float] = 0.0
     delay: ClassVar[float] = 0.0
     exchange_time: ClassVar[float] = 0.0
-    waits: ClassVar[float] = 0.0
+    command_wait: ClassVar[float] = 0.0
     watchdog: ClassVar[float | None] = None
     moves_on_open: ClassVar[bool] = False
     second_opener: ClassVar[bool] = False
     twin_only: ClassVar[bool] = False
     Emulator: ClassVar[type[_Emulator] | None] = None
-    fits: ClassVar[tuple[Fit, ...]] = ()
+    calibrations: ClassVar[tuple[Fit, ...]] = ()
     input_source: ClassVar[str] = ""
     max_stiffness: ClassVar[float | None] = None
     damping: ClassVar[float | None] = None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from itouch.plugin.record import Record
 
 
-class Stamps:
+class Timestamps:
     """The times of one exchange on the host's monotonic clock [s], for a driver that knows them exactly.
 
     Unless a driver says otherwise, a reading counts as measured in the middle of the ``read`` that brought it, and a

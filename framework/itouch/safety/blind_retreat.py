@@ -117,7 +117,7 @@ class BlindRetreat:
         self._sent = gate.sent[channel.name]
         self._ends = (channel.low[2], channel.high[2]) if channel.low else (-math.inf, math.inf)
         self._loads = [one.name for one in model.reads if one.role is Role.CONTACT_FORCE]
-        exchange = max(model.cls.takes(model.params), model.cls.period + model.cls.delay)
+        exchange = max(model.cls.exchange_time_for(model.params), model.cls.period + model.cls.delay)
         #: How many ticks a leg takes after its last command was requested, and after that command has left.
         self._acts, self._rests = (round((trips * exchange + SETTLING) / period) for trips in (2.0, 1.0))
         self._watched = round(WATCHED / period)

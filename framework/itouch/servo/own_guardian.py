@@ -55,9 +55,9 @@ def watch(session: Session) -> OwnGuardian | None:
 
 
 def _needs(device: DeviceModel) -> bool:
-    if device.twin or not device.commands or not device.cls.opens_twice(device.params):
+    if device.twin or not device.commands or not device.cls.second_opener_for(device.params):
         return False
-    lets_go = device.cls.lets_go(device.params)
+    lets_go = device.cls.watchdog_for(device.params)
     return lets_go is None or lets_go > PROMPT
 
 

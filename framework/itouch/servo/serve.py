@@ -89,7 +89,7 @@ def meta_of(session: Session, remotes: dict[str, str], sys_path: list[str]) -> d
         "remotes": remotes,
         "hardware": hardware,
         "second_openers": [
-            name for name in hardware if model.devices[name].cls.opens_twice(model.devices[name].params)
+            name for name in hardware if model.devices[name].cls.second_opener_for(model.devices[name].params)
         ],
         "sys_path": [entry for entry in sys_path if entry],
     }

@@ -235,7 +235,7 @@ def offered(element: Any, catalog: Catalog) -> dict[str, Fit | None]:
     """Return the calibrations of a device by kind; None for those of its mount."""
     cls = catalog.device(element.plugin)
     roles = {channel.role for channel in (*cls.reads, *cls.commands)} if cls is not None else set()
-    own: dict[str, Fit | None] = {fit.kind: fit for fit in cls.fits} if cls is not None else {}
+    own: dict[str, Fit | None] = {fit.kind: fit for fit in cls.calibrations} if cls is not None else {}
     if Role.TRACKED_POSE in roles:
         own["mount-fit"] = None
     if {Role.SURFACE_POSE, Role.CONTACT_FORCE} <= roles:

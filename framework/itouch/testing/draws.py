@@ -143,8 +143,8 @@ def draw_inputs(bench: TwinBench, rng: np.random.Generator) -> None:
         touch.wrench[:] = rng.normal(size=6) * np.repeat((2.0, 0.02), 3)
         touch.force = float(rng.choice((0.0, rng.uniform(0.0, 3.0))))
         touch.gap = float(rng.choice((-1.0, 1.0))) * 10.0 ** float(rng.uniform(-5.0, -2.0))
-        touch.skin[0] = rng.uniform(290.0, 312.0)
-        touch.taken[0], touch.beside[0] = rng.normal(size=2) * rng.choice((0.0, 500.0))
+        touch.skin_temperature[0] = rng.uniform(290.0, 312.0)
+        touch.heat_flux[0], touch.total_heat_flux[0] = rng.normal(size=2) * rng.choice((0.0, 500.0))
 
 
 def _command(channel: Channel, rng: np.random.Generator) -> Array:

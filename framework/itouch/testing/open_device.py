@@ -33,7 +33,7 @@ class Served:
         if kind is None:
             raise NotApplicableError("the device class names no Emulator")
         given = harness.require_params()
-        params = kind.somewhere(given)
+        params = kind.with_default_address(given)
         self.harness = replace(harness, params=_here(params) if params is given else params, emulated=False)
         params = self.harness.params
         self.bench = TwinBench(self.harness, seed=1)
@@ -42,7 +42,7 @@ class Served:
         #: Whether it follows the finger, which then holds it where the real device can be.
         self.tracks = follows(reads, commands)
         if self.tracks:
-            self.hold(kind.reachable(params))
+            self.hold(kind.reachable_position(params))
         self.asked = Record.of(Field.of(c) for c in self.bench.commands)
         self.driven = False
         self._begun = 0.0
@@ -125,7 +125,7 @@ class Opened:
             self.served, harness = self._end.enter_context(served(harness))
         self.device = harness.cls(harness.require_params())
         if harness.cls.Emulator is not None:
-            self.device.patience = _PATIENCE
+            self.device.timeout_factor = _PATIENCE
         reads, commands = harness.cls.channels(harness.params)
         self.reading = Record.of(Field.of(c) for c in reads)
         self.command = Record.of(Field.of(c) for c in commands)

@@ -93,7 +93,7 @@ class Coupling:
             at.couple_finger, self._constants, at.Led(self._pieces, hand_offset, motion),
             at.Pushes(self._push, others, self.given),
             at.Touched(self._carrier, self.figures, self._end, self._pace, self._load), hand_time, self._hip,
-            self._tick, self.touched, face.touch.face if face is not None else np.zeros(2),
+            self._tick, self.touched, face.touch.force_and_gap if face is not None else np.zeros(2),
         )  # fmt: skip
         bound.warm_up()
         return bound

@@ -126,9 +126,9 @@ class Skin:
         faces = np.zeros((len(worn), 2))
         own, beside = owners[0][0] if owners else np.zeros(0), np.zeros(len(owners))
         for i, (_, touch) in enumerate(owners):
-            touch.beside = beside[i : i + 1]
+            touch.total_heat_flux = beside[i : i + 1]
         for i, touch in enumerate(worn):
-            touch.face, touch.taken, touch.skin = faces[i], taken[i : i + 1], self._skin[:1]
+            touch.force_and_gap, touch.heat_flux, touch.skin_temperature = faces[i], taken[i : i + 1], self._skin[:1]
             touch.finger_attached = True
         #: A step of one period as one compiled call.
         self.bound = Bound(

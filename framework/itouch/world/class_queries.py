@@ -12,7 +12,7 @@ from itouch.plugin import Channel, Device
 from itouch.schema.plugin_errors import ReturnedError
 
 #: Times that a device class declares, which are 0 or more seconds.
-_TIMES = ("period", "delay", "exchange_time", "waits")
+_TIMES = ("period", "delay", "exchange_time", "command_wait")
 #: What it declares of its mechanics: numbers of 0 or more, or None.
 _MECHANICS = ("max_stiffness", "damping")
 
@@ -55,7 +55,7 @@ def duration_of(cls: type[Device], bound: Any) -> float:
     ReturnedError
         If it says anything else than a time that ends.
     """
-    return _seconds(cls.duration, cls.duration(bound), "a time in seconds is wanted, 0 without a motion")
+    return _seconds(cls.motion_duration, cls.motion_duration(bound), "a time in seconds is wanted, 0 without a motion")
 
 
 def face_of(cls: type[Device], params: Any) -> tuple[float, float] | None:
@@ -66,12 +66,12 @@ def face_of(cls: type[Device], params: Any) -> tuple[float, float] | None:
     ReturnedError
         If it says anything else.
     """
-    told: Any = cls.face(params)
+    told: Any = cls.surface_half_extents(params)
     if told is None:
         return None
     sizes = [_number(one) for one in told] if isinstance(told, tuple | list | np.ndarray) else []
     if len(sizes) != 2 or not all(0.0 < size < math.inf for size in sizes):
-        raise _wrong(cls.face, told, "two half extents in metres are wanted, or None")
+        raise _wrong(cls.surface_half_extents, told, "two half extents in metres are wanted, or None")
     return sizes[0], sizes[1]
 
 
@@ -83,9 +83,9 @@ def missing_of(cls: type[Device], bound: Any) -> str:
     ReturnedError
         If it says anything else than a text.
     """
-    told: Any = cls.missing(bound)
+    told: Any = cls.unavailable_reason(bound)
     if not isinstance(told, str):
-        raise _wrong(cls.missing, told, "a text is wanted, empty if nothing is known to be missing")
+        raise _wrong(cls.unavailable_reason, told, "a text is wanted, empty if nothing is known to be missing")
     return told
 
 
@@ -118,14 +118,14 @@ def check_numbers(cls: type[Device], params: Any) -> None:
         told = getattr(cls, name)
         if told is not None and not _number(told) >= 0.0:
             raise ReturnedError(None, f"its {name} is {told!r:.40}; a number is wanted, 0 or more, or None")
-    _seconds(cls.takes, cls.takes(params), "a time in seconds is wanted")
-    lets_go: Any = cls.lets_go(params)
+    _seconds(cls.exchange_time_for, cls.exchange_time_for(params), "a time in seconds is wanted")
+    lets_go: Any = cls.watchdog_for(params)
     if lets_go is not None and not 0.0 < _number(lets_go) < math.inf:  # else nothing would ever stop it
         wanted = "the seconds after which it makes itself safe are wanted, None if it does not"
-        if cls.lets_go.__func__ is Device.lets_go.__func__:  # type: ignore[attr-defined]
+        if cls.watchdog_for.__func__ is Device.watchdog_for.__func__:  # type: ignore[attr-defined]
             raise ReturnedError(None, f"its watchdog is {lets_go!r:.40}; {wanted}")
-        raise _wrong(cls.lets_go, lets_go, wanted)
-    bool(cls.opens_twice(params))
+        raise _wrong(cls.watchdog_for, lets_go, wanted)
+    bool(cls.second_opener_for(params))
 
 
 def texts_of(method: Callable[..., Any], told: Any, wanted: str) -> tuple[str, ...]:

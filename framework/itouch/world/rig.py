@@ -73,13 +73,13 @@ class DeviceModel:
         """How long its twin's own motion lasts [s]."""
         if not self.twin:
             return 0.0
-        with failing(f"device '{self.name}'", "duration", self.place):
+        with failing(f"device '{self.name}'", "motion_duration", self.place):
             return class_queries.duration_of(self.cls, self.bound)
 
     @property
     def face(self) -> tuple[float, float] | None:
         """The half extents [m] of the face at its origin that a finger can touch, or None."""
-        with failing(f"device '{self.name}'", "face", self.place):
+        with failing(f"device '{self.name}'", "surface_half_extents", self.place):
             return class_queries.face_of(self.cls, self.params)
 
     @property
@@ -105,7 +105,7 @@ class DeviceModel:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
-            return f"failed in missing: {error_text(error)}"
+            return f"failed in unavailable_reason: {error_text(error)}"
 
     def command(self, of: str | Role) -> Channel | None:
         """Return the command channel of this name, or the first of this role; None: there is none."""
@@ -298,7 +298,7 @@ def _not_driven(
     if cls.twin_only:
         sentence = f"device '{element.name}': plugin '{element.plugin}' has no working driver, it is twin only"
         return Problem("twin-only", sentence, scene.places.of(element, "twin"), 'write twin="yes", or omit --twin')
-    if commands and cls.lets_go(params) is None and not cls.opens_twice(params):
+    if commands and cls.watchdog_for(params) is None and not cls.second_opener_for(params):
         sentence = f"device '{element.name}': nothing would stop it if this program died, so it is not driven"
         place = scene.places.of(element, "twin") or scene.places.of(element)
         advice = f"'{element.plugin}' must state its own `watchdog`, or that a `second_opener` can make it safe"

@@ -90,14 +90,14 @@ def oldest(cls: type[Device], params: Any, *, twin: bool) -> float:
     """Return how old [s] a reading of a device behind a wire gets before the next one comes; 0: there is no wire.
 
     A twin's reading was measured when its exchange began.  That of hardware was measured in the middle of the exchange,
-    unless its driver tells otherwise (`Stamps`), and the next exchange may begin ``waits`` seconds later.
+    unless its driver tells otherwise (`Timestamps`), and the next exchange may begin ``command_wait`` seconds later.
     """
     if not cls.blocking:
         return 0.0
     if twin:
         return cls.delay + max(cls.period, cls.delay)
-    takes = max(cls.takes(params), cls.delay)
-    return 0.5 * takes + max(cls.period, takes) + cls.waits
+    takes = max(cls.exchange_time_for(params), cls.delay)
+    return 0.5 * takes + max(cls.period, takes) + cls.command_wait
 
 
 def stale(
@@ -112,7 +112,9 @@ def stale(
     age = oldest(cls, params, twin=twin)
     if not timely or age + tick <= watchdog + 1e-9:
         return
-    every = max(cls.period, cls.delay, 0.0 if twin else cls.takes(params)) + (0.0 if twin else cls.waits)
+    every = max(cls.period, cls.delay, 0.0 if twin else cls.exchange_time_for(params)) + (
+        0.0 if twin else cls.command_wait
+    )
     certain = twin or every > watchdog
     sentence = (
         f"device '{name}': with an exchange every {every * 1e3:.3g} ms its readings ({', '.join(timely)}) get "

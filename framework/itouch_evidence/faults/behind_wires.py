@@ -101,9 +101,9 @@ def _lined(cls: type[Device], ticks: int, period: float, threads: bool) -> type[
     """Return a device class with the declarations of another, but whose readings come through an exchange."""
     own = {
         "__init__": Device.__init__, "box": Box(), "lasts": ticks * period if threads else 0.0,
-        "blocking": True, "period": 0.0, "delay": 0.0, "exchange_time": ticks * period, "waits": 0.0,
+        "blocking": True, "period": 0.0, "delay": 0.0, "exchange_time": ticks * period, "command_wait": 0.0,
         "twin_only": False, "Emulator": None, "second_opener": False, "moves_on_open": False,
-        "watchdog": cls.watchdog or 0.1, "lets_go": classmethod(lambda kind, params: kind.watchdog),
+        "watchdog": cls.watchdog or 0.1, "watchdog_for": classmethod(lambda kind, params: kind.watchdog),
         "wires": classmethod(lambda kind, params: ()),
     }  # fmt: skip
     for name in ("open", "close", "read", "write"):

@@ -101,18 +101,18 @@ class Lockstep:
     def _paced(self, runner: Runner, device: DirectHost) -> Device:
         """Return a device without a wire, but with its wire's period of exchanges, on which its controller relies."""
         cls, period = runner.model.cls, self.host.model.period
-        every = max(1, round(cls.takes(device.params) / period)) if cls.blocking else 1
+        every = max(1, round(cls.exchange_time_for(device.params) / period)) if cls.blocking else 1
         return (
             device
             if every == 1
-            else EveryNth(device, every, round(cls.waits / period), period, cls=cls, course=self._course())
+            else EveryNth(device, every, round(cls.command_wait / period), period, cls=cls, course=self._course())
         )
 
     def _place(self, runner: Runner) -> Any:
         """Return a device's parameters, with an address that no other virtual rig uses."""
         emulator, folder = runner.model.cls.Emulator, f"{self._folder}/{runner.model.name}"
         os.mkdir(folder)
-        return runner.model.params if emulator is None else emulator.elsewhere(runner.model.params, folder)
+        return runner.model.params if emulator is None else emulator.with_private_address(runner.model.params, folder)
 
     def _take_in(self, runner: Runner, params: Any, trace: TextIO | None) -> None:
         """Tell a device its emulator's address; one that would have a thread for its exchanges has them in the tick."""
@@ -121,7 +121,10 @@ class Lockstep:
             (device.device if isinstance(device, ThreadedDevice) else device).params = params
         if isinstance(device, ThreadedDevice):
             inner, period = device.device, self.host.model.period
-            every, waits = max(1, round(inner.takes(inner.params) / period)), round(type(inner).waits / period)
+            every, waits = (
+                max(1, round(inner.exchange_time_for(inner.params) / period)),
+                round(type(inner).command_wait / period),
+            )
             course = self._course() if every > 1 else _as_it_is
             device = runner.gate.device = EveryNth(inner, every, waits, period, course=course)
         if device is not None and trace is not None:
@@ -144,7 +147,7 @@ class Lockstep:
             while not stop.is_set():
                 with self._lock:
                     self.rig.look()
-                    waiting = self.rig.handles()
+                    waiting = self.rig.file_descriptors()
                 select.select(waiting, [], [], LOOK)
 
         self.rig.open()

@@ -140,7 +140,7 @@ class VirtualRig:
     def _go_on(self) -> None:
         """Let the motion begin when a host commands a rig of arms alone: in the air it gives them no force."""
         if self._only_arms and not self.driven:
-            self.driven = any(emulator.commanded for _, emulator in self._lines)
+            self.driven = any(emulator.command_received for _, emulator in self._lines)
 
     def step(self) -> None:
         """Simulate one period, and take the twins' readings."""
@@ -164,12 +164,12 @@ class VirtualRig:
         """Let emulators that act without being asked serve the last period, too."""
         now = self._session.seconds
         for runner, emulator in self._lines:
-            if emulator.lives:
+            if emulator.free_running:
                 self.driven |= emulator.serve(now, runner.reading, runner.sent)
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the file descriptors on which a host's next request arrives."""
-        return [handle for _, emulator in self._lines for handle in emulator.handles()]
+        return [handle for _, emulator in self._lines for handle in emulator.file_descriptors()]
 
 
 def _hurried(session: Session) -> Iterable[str]:
@@ -200,7 +200,7 @@ def placed(scene: Scene, catalog: Catalog, folder: str) -> Scene:
         os.mkdir(f"{folder}/{element.name}")
         own = next((part for part in element.parts if part.plugin == element.plugin), None)
         params = cls.Params() if own is None else own.params
-        there = cls.Emulator.elsewhere(params, f"{folder}/{element.name}")
+        there = cls.Emulator.with_private_address(params, f"{folder}/{element.name}")
         part = PluginPart(element.plugin, "hardware", there) if own is None else replace(own, params=there)
         moved = replace(element, parts=(*(one for one in element.parts if one is not own), part))
         scene.places.succeed(moved, element)

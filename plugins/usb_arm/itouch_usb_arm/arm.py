@@ -126,7 +126,7 @@ class UsbArm(ImpedanceArm[Falcon]):
     timing = Timing(blocking=True)
     #: When a process dies, the system releases its interface, so that another process can send zero force.
     opening = Opening(moves_on_open=True, second_opener=True)
-    emulation = Emulation(Emulator=ArmEmulator, fits=(FORCE_SCALE_FIT,))
+    emulation = Emulation(Emulator=ArmEmulator, calibrations=(FORCE_SCALE_FIT,))
     mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
 
     @classmethod
@@ -149,7 +149,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         return look()
 
     @classmethod
-    def missing(cls, bound: UsbArmParams) -> str:
+    def unavailable_reason(cls, bound: UsbArmParams) -> str:
         """Say why no arm can be used: by a look on the USB bus, or at what the USB/IP server has; empty if one can."""
         if bound.usbip:
             try:
@@ -178,7 +178,7 @@ class UsbArm(ImpedanceArm[Falcon]):
             backend = self._remote.backend
         return Falcon(
             p.firmware or None, backend, serial=p.serial, force_scale=p.force_scale,
-            resume=True, patience=self.patience, trace=self.trace,
+            resume=True, patience=self.timeout_factor, trace=self.trace,
         )  # fmt: skip
 
     def open(self) -> None:

@@ -43,18 +43,18 @@ class ArmEmulator(Emulator):
         self._place: list[float] = []
 
     @classmethod
-    def somewhere(cls, params: Any) -> Any:
+    def with_default_address(cls, params: Any) -> Any:
         """Name a free port of this machine if no address is named."""
-        return params if params.usbip else cls.elsewhere(params, "")
+        return params if params.usbip else cls.with_private_address(params, "")
 
     @classmethod
-    def elsewhere(cls, params: Any, folder: str) -> Any:
+    def with_private_address(cls, params: Any, folder: str) -> Any:
         """Name a free port of this machine."""
         with socket.create_server(("127.0.0.1", 0)) as free:
             return replace(params, usbip=f"127.0.0.1:{free.getsockname()[1]}")
 
     @classmethod
-    def reachable(cls, params: Any) -> kinematics.Vector:
+    def reachable_position(cls, params: Any) -> kinematics.Vector:
         """Return the middle of the arm's workspace [m], at the fingertip."""
         x, y, z = (a + b for a, b in zip(kinematics.CENTRE, params.grip, strict=True))
         return x, y, z
@@ -77,13 +77,13 @@ class ArmEmulator(Emulator):
         if server is not None:
             server.close()
 
-    def patience(self) -> float:
+    def service_interval(self) -> float:
         """Return for how long [s] nothing is due."""
-        return self._server.patience() if self._server is not None else 1e-3
+        return self._server.service_interval() if self._server is not None else 1e-3
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the file descriptors on which the server waits for data."""
-        return self._server.handles() if self._server is not None else []
+        return self._server.file_descriptors() if self._server is not None else []
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Move the grip to the twin's position, answer the host, and give the twin the motors' force.
@@ -97,7 +97,7 @@ class ArmEmulator(Emulator):
             self._led.lead((x, y, z))
         if self._server is not None:
             self._server.step(wait=False)
-        self.commanded = self.commanded or bool(self.arm.commands)
+        self.command_received = self.command_received or bool(self.arm.commands)
         driven = any(self._led.motors)
         command["wrench"] = (*self._led.motor_force(), 0.0, 0.0, 0.0) if driven else 0.0
         return driven

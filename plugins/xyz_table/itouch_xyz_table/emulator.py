@@ -33,7 +33,7 @@ class TableEmulator(Emulator):
         self.bus: VirtualBus | VirtualCan | VirtualTmcl
         self._servos: list[VirtualServo]
         #: In step with the host, a module's ramps must advance in every period.
-        self.lives = bool(params.tmcl)
+        self.free_running = bool(params.tmcl)
         if params.tmcl:
             self._steppers = [
                 VirtualStepper(int(n), microsteps=m) for n, m in zip(params.motors, params.microsteps, strict=True)
@@ -57,14 +57,14 @@ class TableEmulator(Emulator):
         self._ended, self._proven = 0.0, False
 
     @classmethod
-    def somewhere(cls, params: Any) -> Any:
+    def with_default_address(cls, params: Any) -> Any:
         """Name a serial port of our own if no port is named."""
         if params.port or params.bus or params.tmcl:
             return params
         return replace(params, port=f"{tempfile.gettempdir()}/itouch-table-{os.getpid()}")
 
     @classmethod
-    def elsewhere(cls, params: Any, folder: str) -> Any:
+    def with_private_address(cls, params: Any, folder: str) -> Any:
         """Name a serial port in a folder."""
         if params.tmcl:
             return replace(params, tmcl=f"{folder}/table")
@@ -88,13 +88,17 @@ class TableEmulator(Emulator):
         if terminal is not None:
             terminal.close()
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the serial port's descriptor."""
         return [self._terminal.fileno()] if self._terminal is not None else []
 
-    def patience(self) -> float:
+    def service_interval(self) -> float:
         """Return how long [s] nothing is due, at most until the serial port has transferred the next bytes."""
-        return min(super().patience(), self._terminal.due()) if self._terminal is not None else super().patience()
+        return (
+            min(super().service_interval(), self._terminal.due())
+            if self._terminal is not None
+            else super().service_interval()
+        )
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Show the twin's axes to the servos, answer the host, and pass the servos' goals to the twin.

@@ -177,10 +177,10 @@ class XyzTable(Device):
         return cls.reads[:1] if params.tmcl else cls.reads, (target,)
 
     @classmethod
-    def takes(cls, params: Any) -> float:
+    def exchange_time_for(cls, params: Any) -> float:
         """Return how long one exchange takes [s]: a TMCL module answers its requests one after the other."""
         if not params.tmcl:
-            return super().takes(params)
+            return super().exchange_time_for(params)
         seconds: float = round(_REQUESTS * (2 * SIZE * 10.0 / params.baud + _TURN), 3)
         return seconds
 
@@ -195,7 +195,7 @@ class XyzTable(Device):
         return tuple(Attached(port, True, "a CAN-FD adaptor; its servos are asked when it is opened") for port in ports)
 
     @classmethod
-    def missing(cls, bound: XyzTableParams) -> str:
+    def unavailable_reason(cls, bound: XyzTableParams) -> str:
         """Say why the port cannot be used: there is none, or this user may not open it; empty if nothing is missing."""
         kind, _, bus = bound.bus.partition(":")
         place = bound.port or bound.tmcl or bus.partition("@")[0]  # behind @: the speed of the port
@@ -220,12 +220,12 @@ class XyzTable(Device):
         return (params.port or params.tmcl or params.bus.partition("@")[0] or "the CAN-FD adaptor that is attached",)
 
     @classmethod
-    def lets_go(cls, params: Any) -> float | None:
+    def watchdog_for(cls, params: Any) -> float | None:
         """Return the drives' watchdog [s]; None for a module without a heartbeat, which does not stop by itself."""
-        return None if cls.opens_twice(params) else cls.watchdog
+        return None if cls.second_opener_for(params) else cls.watchdog
 
     @classmethod
-    def opens_twice(cls, params: Any) -> bool:
+    def second_opener_for(cls, params: Any) -> bool:
         """Tell whether a guardian can stop it: a module without a heartbeat, whose port can be opened twice."""
         return bool(params.tmcl) and not params.heartbeat
 
@@ -251,7 +251,7 @@ class XyzTable(Device):
         """
         p = self.params
         x, y, _ = p.travel
-        servos = opened(p, WATCHDOG, self.patience, self.trace)
+        servos = opened(p, WATCHDOG, self.timeout_factor, self.trace)
         try:
             servos.query()
             states = servos.stop(latched=True)
@@ -283,7 +283,7 @@ class XyzTable(Device):
 
     def make_safe(self, safe: Record) -> None:
         """Stop the motors where they are, as a heartbeat would: without homing or moving them."""
-        servos = opened(self.params, WATCHDOG, self.patience, self.trace)
+        servos = opened(self.params, WATCHDOG, self.timeout_factor, self.trace)
         try:
             servos.stop()
         finally:

@@ -52,8 +52,8 @@ def test_an_emulator_with_the_reference_program_lives(program: Built, tmp_path: 
 
     params = replace(PARAMS, line=replace(PARAMS.line, port=f"{tmp_path}/port"))
     emulator = DisplayEmulator(params)
-    assert emulator.lives
-    assert not DisplayEmulator(replace(params, line=LinePort(port="x"))).lives
+    assert emulator.free_running
+    assert not DisplayEmulator(replace(params, line=LinePort(port="x"))).free_running
     reads, commands = ThermalDisplay.channels(params)
     reading, command = (Record.of(Field(c.name, "f8", c.size) for c in side) for side in (reads, commands))
     reading["plate_temperature"], reading["sink_temperature"] = 296.15, 297.15

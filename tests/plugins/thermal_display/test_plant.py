@@ -60,7 +60,7 @@ def skin_after(period, steps, worn):
     twin = DisplayTwin(DisplayParams())
     state, command, touch = Record.of(twin.fields()), Record.of([Field("current", "f8", 1)]), TwinInputs()
     twin.reset(state, np.random.default_rng(3))
-    touch.beside[0] = worn
+    touch.total_heat_flux[0] = worn
     for _ in range(steps):
         twin.step(state, command, touch, period)
     return state["true_skin"].item()

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import pytest
 import serialx
 
-from itouch.plugin import DeviceError, Stamps, stamps
+from itouch.plugin import DeviceError, Timestamps, stamps
 from itouch_thermal.drivers import LinePort, lineport, serialport
 from itouch_thermal.drivers.lineport import KELVIN, LineDriver, seal, seal_2, unseal, unseal_2
 
@@ -177,7 +177,7 @@ def broken(clock: Clock, wire: Wire, chance: random.Random, slowest: float) -> s
         rig = LineDriver(LinePort(port="line", baud=BAUD))
     except DeviceError:
         return ""
-    told, found = Stamps(["plate_temperature"]), set[str]()
+    told, found = Timestamps(["plate_temperature"]), set[str]()
     for _ in range(60):
         asked, amps, sent = clock.now, round(chance.uniform(-0.25, 0.25), 5), len(wire.sent)
         told.begin()

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from test_thermal_drivers import SENSOR, served
 
-from itouch.plugin import DeviceError, Stamps
+from itouch.plugin import DeviceError, Timestamps
 from itouch.session import build, load_scene
 from itouch_thermal import ThermalDisplay, bench_wire
 from itouch_thermal.display.params import DisplayParams
@@ -60,7 +60,7 @@ def t7(device: T | None = None, averaging: float = 20e-3) -> Iterator[tuple[T, L
     server.close()
 
 
-class Told(Stamps):
+class Told(Timestamps):
     """Remembers what a driver says of when it measured each channel."""
 
     def __init__(self) -> None:

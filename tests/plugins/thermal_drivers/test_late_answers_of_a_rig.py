@@ -21,7 +21,7 @@ from test_rigs_with_habits import OwnRig
 from test_rigs_with_habits import on_a_line as on_a_terminal
 
 from itouch.exchange.thread import ThreadedDevice
-from itouch.plugin import Field, Record, Stamps, stamps
+from itouch.plugin import Field, Record, Timestamps, stamps
 from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.drivers import FluxSensor, Infrared, LabJack, LinePort, labjack, lineport, modbus
@@ -220,7 +220,7 @@ def newer(clock: Clock, rig: Rig, late: Late, exchanges: int = 300, **ages: floa
 
     ``ages`` [s] are how old the readings of some channels were when they were sent.
     """
-    told, found = Stamps(CHANNELS), dict[str, list[float]]()
+    told, found = Timestamps(CHANNELS), dict[str, list[float]]()
     clock.late = late
     for _ in range(exchanges):
         told.begin()
@@ -353,8 +353,8 @@ def test_no_reading_of_a_film_is_said_to_be_newer_than_it_is(clock: Clock, late:
     )  # fmt: skip
     film = TouchFilm(FilmParams(labjack=t7))
     reads, _ = TouchFilm.channels(film.params)
-    reading, told = Record.of(Field.of(channel) for channel in reads), Stamps([channel.name for channel in reads])
-    film.stamps = told
+    reading, told = Record.of(Field.of(channel) for channel in reads), Timestamps([channel.name for channel in reads])
+    film.timestamps = told
     film.open()
     for number in range(150):
         clock.late = LATE[late] if late in LATE and number > 12 else in_time
@@ -386,7 +386,7 @@ def test_the_loop_is_told_an_age_of_a_late_reading_that_is_not_too_small(version
     rig.answers = answer
     with on_a_terminal(rig) as terminal:
         display = ThermalDisplay(DisplayParams(line=LinePort(port=terminal.path, baud=250_000, age=age)))
-        display.patience = 3.0
+        display.timeout_factor = 3.0
         reads, _ = ThermalDisplay.channels(display.params)
         reading, ticks = Record.of(Field.of(channel) for channel in reads), np.zeros(len(reads), np.int64)
         plate = [channel.name for channel in reads].index("plate_temperature")

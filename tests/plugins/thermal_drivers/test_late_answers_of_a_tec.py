@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from itouch.plugin import Stamps
+from itouch.plugin import Timestamps
 from itouch_thermal.drivers import mecom, tec
 from itouch_thermal.drivers.driver_params import Mecom
 from itouch_thermal.drivers.mecom import crc16
@@ -79,7 +79,7 @@ class Line:
         return self._values.get(parameter, bytes(4))
 
 
-class Told(Stamps):
+class Told(Timestamps):
     """Remembers how old [s] a driver says that each channel is."""
 
     def __init__(self) -> None:

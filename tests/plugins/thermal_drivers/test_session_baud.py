@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 from test_thermal_drivers import own_rig, served, terminal  # noqa: F401
 
-from itouch.plugin import DeviceError, Stamps, Terminal, Trace, read_trace
+from itouch.plugin import DeviceError, Terminal, Timestamps, Trace, read_trace
 from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.drivers import LinePort, mecom
 from itouch_thermal.drivers.driver_params import Mecom
@@ -177,13 +177,15 @@ def test_a_session_is_no_slower_than_a_port_can_be(speed: int) -> None:
 def test_an_exchange_takes_what_its_bytes_take() -> None:
     slow = Mecom(port="/dev/x")
     params = ThermalDisplay.Params(mecom=slow)
-    assert ThermalDisplay.takes(params) == 0.02
-    assert ThermalDisplay.takes(replace(params, mecom=replace(slow, session_baud=FAST))) == pytest.approx(0.006)
+    assert ThermalDisplay.exchange_time_for(params) == 0.02
+    assert ThermalDisplay.exchange_time_for(replace(params, mecom=replace(slow, session_baud=FAST))) == pytest.approx(
+        0.006
+    )
     afar = replace(slow, port="socket://h:1", session_baud=FAST)  # its speed is never raised
-    assert ThermalDisplay.takes(replace(params, mecom=afar)) == 0.02
+    assert ThermalDisplay.exchange_time_for(replace(params, mecom=afar)) == 0.02
 
 
-class Told(Stamps):
+class Told(Timestamps):
     """Remembers what a driver says of when it measured."""
 
     said: tuple[float, float] = (0.0, 0.0)

@@ -459,7 +459,7 @@ def test_a_loop_through_the_real_bytes_holds_a_flux(tmp_path: object) -> None:
     clock["last"] = time.monotonic()
     stream = io.StringIO()
     display = ThermalDisplay(given_)
-    display.patience = 10.0
+    display.timeout_factor = 10.0
     display.trace = Trace(stream, "peltier")
     with closing(emulator), served(step), closing(display):
         display.open()

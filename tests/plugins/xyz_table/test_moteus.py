@@ -89,7 +89,7 @@ def table(bench: Bench, *, patience: float = 12.0, **changed: object) -> XyzTabl
     if changed.get("homing") == "absolute":
         bench.homed()
     device = XyzTable(XyzTableParams(port=bench.terminal.path, **(PARAMS | changed)))  # type: ignore[arg-type]
-    device.patience = patience
+    device.timeout_factor = patience
     return device
 
 

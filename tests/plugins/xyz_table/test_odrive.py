@@ -104,7 +104,7 @@ class Bench:
         device = XyzTable(
             XyzTableParams(bus=self.name, lead=LEADS, direction=SIGNS, travel=TRAVEL, homing=homing, **more)
         )
-        device.patience = PATIENT
+        device.timeout_factor = PATIENT
         self._tables.append(device)
         return device
 
@@ -199,7 +199,7 @@ def test_a_host_that_is_held_up_while_the_watchdogs_are_tried_out_hears_that_the
 ) -> None:
     """It said that the first servo had none: what that had told meanwhile was not heard."""
     device, listen, held = quiet.table(), Odrives._listen, list[float]()
-    device.patience = 5.0
+    device.timeout_factor = 5.0
 
     def held_up(servos: Odrives, wait: float) -> None:
         if wait == 0.05 and not held:
@@ -338,7 +338,7 @@ def test_late_answers_are_lived_through(late: float) -> None:
 def test_what_is_missing_is_told_with_what_to_do(quiet: Bench) -> None:
     quiet.servos[3].answers = False
     device = quiet.table()
-    device.patience = 0.5
+    device.timeout_factor = 0.5
     with pytest.raises(ServoError, match=r"servo z \(id 3\) sends no heartbeat: check its cable"):
         device.open()
     with pytest.raises(DeviceError, match="cannot be opened"):

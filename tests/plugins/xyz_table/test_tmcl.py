@@ -82,7 +82,7 @@ class Bench:
     def table(self, *, homing: str = "absolute", patience: float = PATIENT, **more: Any) -> XyzTable:
         given_ = {"tmcl": self.terminal.path, "address": 3, "lead": LEADS, "direction": SIGNS, "travel": TRAVEL}
         device = XyzTable(XyzTableParams(homing=homing, **given_ | more))
-        device.patience = patience
+        device.timeout_factor = patience
         device.clock = lambda: self.now  # a bench that is held up has not been silent for so long
         self._tables.append(device)
         return device
@@ -413,8 +413,8 @@ def test_what_is_missing_is_told_with_what_to_do() -> None:
     for wrong in ({"tmcl": "/dev/null", "port": "/dev/null"}, {"tmcl": "/dev/null", "motors": (0.0, 0.0, 1.0)}):
         with pytest.raises(ValueError, match="write one of them|three different"):
             XyzTableParams(**wrong)  # type: ignore[arg-type]
-    assert XyzTable.takes(XyzTableParams(tmcl="/dev/null")) == pytest.approx(0.021)
-    assert XyzTable.takes(XyzTableParams()) == 0.0
+    assert XyzTable.exchange_time_for(XyzTableParams(tmcl="/dev/null")) == pytest.approx(0.021)
+    assert XyzTable.exchange_time_for(XyzTableParams()) == 0.0
 
 
 def test_a_port_that_is_none_or_not_ours_is_told_before_anybody_holds_a_switch(
@@ -476,9 +476,9 @@ def test_a_module_without_a_heartbeat_runs_when_the_scene_says_so(bench: Bench) 
     bench.module.restart()
     with pytest.raises(ServoError, match="the module has restarted"):
         arrive(bench, device, goal)
-    assert (XyzTable.lets_go(device.params), XyzTable.opens_twice(device.params)) == (None, True)
+    assert (XyzTable.watchdog_for(device.params), XyzTable.second_opener_for(device.params)) == (None, True)
     for params in (XyzTableParams(), XyzTableParams(tmcl="/dev/null")):
-        assert (XyzTable.lets_go(params), XyzTable.opens_twice(params)) == (0.1, False)
+        assert (XyzTable.watchdog_for(params), XyzTable.second_opener_for(params)) == (0.1, False)
 
 
 def test_a_second_opener_stops_a_module_without_a_heartbeat_where_it_is(bench: Bench) -> None:

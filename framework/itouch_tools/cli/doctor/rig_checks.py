@@ -164,7 +164,7 @@ def _nobody_there(one: Watched) -> Iterator[Diagnosis]:
 
 
 def _watchdog(one: Watched) -> Diagnosis:
-    name, own = one.model.name, one.model.cls.lets_go(one.model.params)
+    name, own = one.model.name, one.model.cls.watchdog_for(one.model.params)
     if not one.model.commands:
         return Diagnosis(f"W2 {name}", NOT, "it obeys nothing: there is nothing to cut off")
     if one.model.twin:

@@ -36,7 +36,7 @@ def rules(model: Model) -> Iterator[Rule]:
 def alone(model: Model) -> Iterator[str]:
     """Yield the names of hardware that takes commands and has no watchdog of its own that its driver knows of."""
     for device in model.devices.values():
-        if not device.twin and device.commands and device.cls.lets_go(device.params) is None:
+        if not device.twin and device.commands and device.cls.watchdog_for(device.params) is None:
             yield device.name
 
 

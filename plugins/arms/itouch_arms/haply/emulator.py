@@ -31,18 +31,18 @@ class HaplyEmulator(Emulator):
         self._server: Server | None = None
 
     @classmethod
-    def somewhere(cls, params: Any) -> Any:
+    def with_default_address(cls, params: Any) -> Any:
         """Name a free port of this machine if no service is named."""
-        return params if params.service else cls.elsewhere(params, "")
+        return params if params.service else cls.with_private_address(params, "")
 
     @classmethod
-    def elsewhere(cls, params: Any, folder: str) -> Any:
+    def with_private_address(cls, params: Any, folder: str) -> Any:
         """Name a free port of this machine."""
         with socket.create_server(("127.0.0.1", 0)) as free:
             return replace(params, service=f"127.0.0.1:{free.getsockname()[1]}")
 
     @classmethod
-    def reachable(cls, params: Any) -> Vector:
+    def reachable_position(cls, params: Any) -> Vector:
         """Return a position [m] in front of the arm that the fingertip can reach."""
         x, y, z = (a + b for a, b in zip(CENTRE, params.grip, strict=True))
         return x, y, z
@@ -59,9 +59,9 @@ class HaplyEmulator(Emulator):
         if server is not None:
             server.close()
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the file descriptors on which the server waits for data."""
-        return self._server.handles() if self._server is not None else []
+        return self._server.file_descriptors() if self._server is not None else []
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:
         """Set the cursor to the twin's position, answer the host, and give the twin the motors' force.

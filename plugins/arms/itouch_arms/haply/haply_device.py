@@ -75,7 +75,7 @@ class Haply(ImpedanceArm[Inverse3]):
         p = self.params
         return Inverse3(
             p.service or SERVICE, p.device, button=p.deadman, calibration_time=0.0 if safe else p.calibration_time,
-            patience=self.patience, trace=self.trace,
+            patience=self.timeout_factor, trace=self.trace,
         )  # fmt: skip
 
     def read(self, reading: Record) -> bool:

@@ -52,7 +52,7 @@ class Server:
         port: int = self._listener.getsockname()[1]
         return port
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the file descriptors on which data may arrive."""
         return [self._listener.fileno(), *(connection.line.fileno() for connection in self._connections)]
 
@@ -122,7 +122,7 @@ class Server:
         import select
 
         while not stop():
-            select.select(self.handles(), [], [], look)
+            select.select(self.file_descriptors(), [], [], look)
             self.step(clock())
 
     def close(self) -> None:

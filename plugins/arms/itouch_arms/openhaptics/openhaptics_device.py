@@ -65,7 +65,7 @@ class OpenHaptics(ImpedanceArm[Phantom]):
         """Return the driver of the arm, not opened yet."""
         p = self.params
         return Phantom(
-            p.name, p.library, calibration_time=0.0 if safe else p.calibration_time, patience=self.patience,
+            p.name, p.library, calibration_time=0.0 if safe else p.calibration_time, patience=self.timeout_factor,
             trace=self.trace,
         )  # fmt: skip
 

@@ -26,7 +26,7 @@ class ThermalDisplay(HardwareDisplay):
         return channels(params)
 
     @classmethod
-    def face(cls, params: Any) -> tuple[float, float] | None:
+    def surface_half_extents(cls, params: Any) -> tuple[float, float] | None:
         """Return the half extents [m] of the plate, a square of its area."""
         half = 0.5 * math.sqrt(params.area)
         return half, half

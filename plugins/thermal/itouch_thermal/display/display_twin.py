@@ -136,8 +136,8 @@ class DisplayTwin(Twin):
             plant.display_step, plant.PlantConstants(numbers, parts.tissue, parts.plate, self._shares),
             plant.PlantState(state["memory"], state["tissue"], state["plate"], state["line"], state["noise"]),
             self._law, self._finger, wanted,
-            np.ones(1) if by_current else command["output"], touch.face, float(touch.ambient), state["true_flux"],
-            state["true_skin"], state["true_plate"], touch.beside,
+            np.ones(1) if by_current else command["output"], touch.force_and_gap, float(touch.ambient),
+            state["true_flux"], state["true_skin"], state["true_plate"], touch.total_heat_flux,
         )  # fmt: skip
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:

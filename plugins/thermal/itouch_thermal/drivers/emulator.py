@@ -50,7 +50,7 @@ class ModbusServer:
         port: int = self._listener.getsockname()[1]
         return port
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the file descriptors on which data may arrive."""
         return [self._listener.fileno(), *(line.fileno() for line in self._lines)]
 
@@ -73,7 +73,7 @@ class ModbusServer:
                 line.close()
         self._answer()
 
-    def patience(self) -> float:
+    def service_interval(self) -> float:
         """Return the time until the next answer is due [s]."""
         return max(0.0, self._waiting[0][0] - time.monotonic()) if self._waiting else math.inf
 
@@ -120,12 +120,12 @@ class DisplayEmulator(Emulator):
         self.line = VirtualLine(self.plate) if params.line is not None and self.chip is None else None
         self.t7 = VirtualT7() if params.labjack is not None else None
         #: In step with the host, a T7 that averages must sample in every period.
-        self.lives = self.chip is not None or (params.labjack is not None and params.labjack.samples > 1)
+        self.free_running = self.chip is not None or (params.labjack is not None and params.labjack.samples > 1)
         self._terminal: Terminal | None = None
         self._server: ModbusServer | None = None
 
     @classmethod
-    def somewhere(cls, params: Any) -> Any:
+    def with_default_address(cls, params: Any) -> Any:
         """Name a TEC controller and a T7 on this machine if no hardware is named."""
         if params.mecom is not None or params.line is not None:
             return params
@@ -134,7 +134,7 @@ class DisplayEmulator(Emulator):
         return replace(params, mecom=mecom, labjack=sensors)
 
     @classmethod
-    def elsewhere(cls, params: Any, folder: str) -> Any:
+    def with_private_address(cls, params: Any, folder: str) -> Any:
         """Name serial ports in a folder, and a free port of this machine, for the instruments in the parameters."""
         moved: dict[str, Any] = {}
         for name in ("mecom", "line"):
@@ -169,15 +169,15 @@ class DisplayEmulator(Emulator):
         if self.chip is not None:
             self.chip.close()
 
-    def patience(self) -> float:
+    def service_interval(self) -> float:
         """Return the time until the serial line or the server is due [s], at most the longest age of a reading."""
-        longest = _UNSEEN_BY_CHIP if self.lives else _UNSEEN
-        served = self._server.patience() if self._server is not None else math.inf
+        longest = _UNSEEN_BY_CHIP if self.free_running else _UNSEEN
+        served = self._server.service_interval() if self._server is not None else math.inf
         return min(longest, served, self._terminal.due() if self._terminal is not None else math.inf)
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the file descriptors of the serial port and the server."""
-        served = self._server.handles() if self._server is not None else []
+        served = self._server.file_descriptors() if self._server is not None else []
         return [*served, *([self._terminal.fileno()] if self._terminal is not None else [])]
 
     def serve(self, now: float, reading: Record, command: Record) -> bool:

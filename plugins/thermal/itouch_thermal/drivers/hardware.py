@@ -27,13 +27,13 @@ class HardwareDisplay(Device):
 
     #: A MeCom transaction takes 7 ms at 57600 baud, and an exchange has three.  It is worth waiting for the next
     #: command to a controller: its readings are too slow for anything to be missed meanwhile.
-    timing = Timing(blocking=True, exchange_time=0.02, waits=0.012)
+    timing = Timing(blocking=True, exchange_time=0.02, command_wait=0.012)
     #: When a process dies, its serial ports and sockets are released: another process can set the current to zero.
     opening = Opening(second_opener=True)
-    emulation = Emulation(Emulator=DisplayEmulator, fits=FITS)
+    emulation = Emulation(Emulator=DisplayEmulator, calibrations=FITS)
 
     @classmethod
-    def takes(cls, params: Any) -> float:
+    def exchange_time_for(cls, params: Any) -> float:
         """Return how long one exchange takes [s]: 75 bytes on a line, a controller's exchange, or a T7's averaging."""
         seconds: float = cls.exchange_time
         if params.line is not None:
@@ -50,7 +50,7 @@ class HardwareDisplay(Device):
         return tuple(part.port for part in (params.mecom, params.line) if part is not None)
 
     @classmethod
-    def lets_go(cls, params: Any) -> float | None:
+    def watchdog_for(cls, params: Any) -> float | None:
         """Return the longest silence [s] until the current ends by itself; None if opening cannot make sure of one.
 
         A controller's watchdog is armed and read back; the reference firmware promises its own in its greeting.
@@ -89,7 +89,7 @@ class HardwareDisplay(Device):
         """
         if self.params.command != "current":
             raise DeviceError('real displays are driven by a current: write command="current"')
-        self._rig = rig = rig_of(self.params, self.trace, patience=self.patience, limits=self.limits)
+        self._rig = rig = rig_of(self.params, self.trace, patience=self.timeout_factor, limits=self.limits)
         self._current, self._lost = 0.0, False
         try:
             if not math.isfinite(rig.exchange(0.0).flux):
@@ -124,7 +124,7 @@ class HardwareDisplay(Device):
         if self._rig is None:
             raise DeviceError("the display is not open")
         try:
-            found = self._rig.exchange(self._current, self.stamps)
+            found = self._rig.exchange(self._current, self.timestamps)
         except DeviceError:
             self._lost = True
             raise

@@ -12,7 +12,7 @@ import time
 from collections import defaultdict
 from typing import NamedTuple, Protocol
 
-from itouch.plugin import DeviceError, Stamps, Trace
+from itouch.plugin import DeviceError, Timestamps, Trace
 from itouch_thermal.drivers.answer_times import AnswerTimes
 from itouch_thermal.drivers.driver_params import SAMPLING, FluxSensor, Infrared
 from itouch_thermal.drivers.modbus import PORT, ModbusLine, ModbusRefusal
@@ -189,7 +189,7 @@ class LabJackDriver:
             seen = seen if infrared.range[0] <= seen <= infrared.range[1] else math.nan
         return Sensors(found, seen)
 
-    def stamp(self, stamps: Stamps, *, skin: bool = True) -> None:
+    def stamp(self, stamps: Timestamps, *, skin: bool = True) -> None:
         """Stamp the readings of the last exchange with their times: for a mean, the middle of its samples.
 
         ``skin``: whether the skin's reading is one of this instrument.

@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from itouch.plugin import DeviceError, Stamps, Trace
+from itouch.plugin import DeviceError, Timestamps, Trace
 from itouch_thermal.drivers.answer_times import AnswerTimes
 from itouch_thermal.drivers.driver_params import BELIEVED, LinePort
 from itouch_thermal.drivers.flowing_current import FlowingCurrent
@@ -294,7 +294,7 @@ class LineDriver:
                 self._wire = (len(answer) + 1) * self._byte  # including its end
                 return body
 
-    def exchange(self, current: float, stamps: Stamps | None = None) -> LineReading:
+    def exchange(self, current: float, stamps: Timestamps | None = None) -> LineReading:
         """Set the current [A], and read the measurements, which are never said to be newer than they may be.
 
         Raises

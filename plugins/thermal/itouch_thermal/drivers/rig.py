@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from itouch.plugin import DeviceError, Stamps, Trace
+from itouch.plugin import DeviceError, Timestamps, Trace
 from itouch_thermal.drivers.labjack import LabJackDriver
 from itouch_thermal.drivers.lineport import LineDriver, LineReading
 from itouch_thermal.drivers.tec import TecDriver, TecReading
@@ -45,7 +45,7 @@ class Rig:
                     self._source.close()
                 raise
 
-    def exchange(self, current: float, stamps: Stamps | None = None) -> Measured:
+    def exchange(self, current: float, stamps: Timestamps | None = None) -> Measured:
         """Set the current [A], and measure; the times of both are written to ``stamps``.
 
         Raises

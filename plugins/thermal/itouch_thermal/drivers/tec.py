@@ -11,7 +11,7 @@ import struct
 from time import monotonic
 from typing import NamedTuple
 
-from itouch.plugin import DeviceError, Stamps, Trace
+from itouch.plugin import DeviceError, Timestamps, Trace
 from itouch_thermal.drivers.driver_params import BELIEVED, Mecom
 from itouch_thermal.drivers.flowing_current import FlowingCurrent
 from itouch_thermal.drivers.mecom import BUSY, NO_INSTANCE, UNKNOWN, MecomClient, MecomRefusal
@@ -184,7 +184,7 @@ class TecDriver:
         if state not in (1, 2):
             raise DeviceError(f"the TEC controller is not ready: it says '{STATES.get(state, state)}'")
 
-    def exchange(self, current: float, stamps: Stamps | None = None) -> TecReading:
+    def exchange(self, current: float, stamps: Timestamps | None = None) -> TecReading:
         """Set the current [A], and read the measurements.
 
         Raises

@@ -56,7 +56,7 @@ class TouchFilm(Device):
         return (heat_flux(full_scale=params.full_scale), *others), ()
 
     @classmethod
-    def duration(cls, bound: Any) -> float:
+    def motion_duration(cls, bound: Any) -> float:
         """Return the duration of the twin's touches [s]."""
         return float(bound.duration)
 
@@ -74,7 +74,7 @@ class TouchFilm(Device):
                 "no instrument reads the film: write <touch-film:labjack> with <touch-film:flux-sensor> and "
                 "<touch-film:force-sensor> inside <touch-film:hardware>"
             )
-        self._driver = driver = LabJackDriver(given, self.trace, patience=self.patience)
+        self._driver = driver = LabJackDriver(given, self.trace, patience=self.timeout_factor)
         try:
             for sensor in (given.force_sensor, given.thermometer):
                 if sensor is not None:
@@ -106,8 +106,8 @@ class TouchFilm(Device):
             film = given.thermometer.zero + given.thermometer.slope * driver.volts(given.thermometer.channel)
             self._stamp("film_temperature")
         found = driver.exchange(film)
-        if self.stamps is not None:
-            driver.stamp(self.stamps)
+        if self.timestamps is not None:
+            driver.stamp(self.timestamps)
         force = driver.volts(given.force_sensor.channel) - given.force_sensor.zero
         self._stamp("wrench")
         seen = math.isfinite(found.skin)
@@ -123,5 +123,5 @@ class TouchFilm(Device):
 
     def _stamp(self, channel: str) -> None:
         """Stamp a channel with the time of the newest sample."""
-        if self.stamps is not None and self._driver is not None:
-            self.stamps.measured(channel, ago=time.monotonic() - self._driver.sampled)
+        if self.timestamps is not None and self._driver is not None:
+            self.timestamps.measured(channel, ago=time.monotonic() - self._driver.sampled)

@@ -71,7 +71,7 @@ class UsbipServer:
         host, port = self._listener.getsockname()[:2]
         return host, port
 
-    def handles(self) -> list[int]:
+    def file_descriptors(self) -> list[int]:
         """Return the file descriptors on which data may arrive."""
         return [self._listener.fileno(), *(host.line.fileno() for host in self._hosts)]
 
@@ -89,7 +89,7 @@ class UsbipServer:
 
     def step(self, *, wait: bool = True) -> None:
         """Do what is due; with ``wait``, wait for the next event if nothing is."""
-        for key, _ in self._selector.select(self.patience() if wait else 0.0):
+        for key, _ in self._selector.select(self.service_interval() if wait else 0.0):
             if key.data is None:
                 self._accept()
             else:
@@ -97,7 +97,7 @@ class UsbipServer:
         for host in list(self._hosts):
             self._give(host)
 
-    def patience(self) -> float:
+    def service_interval(self) -> float:
         """Return for how long [s] nothing will be due, unless a host sends a request."""
         if not any(host.waiting for host in self._hosts):
             return _IDLE
