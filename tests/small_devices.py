@@ -176,7 +176,7 @@ class Asked:
 
     def forget(self) -> None:
         """Forget what was measured."""
-        self.monitor.forget(self.state)
+        self.monitor.clear_history(self.state)
 
 
 def record(channels: Sequence[Channel]) -> Record:

@@ -252,7 +252,7 @@ class _Patient(_Slow):
 
     def read(self, reading: Record) -> bool | None:
         assert self.timestamps is not None
-        self.timestamps.left()
+        self.timestamps.command_sent()
         self.timestamps.measured("pose", ago=0.05)
         return super().read(reading)
 

@@ -42,7 +42,13 @@ class Buzz(Modality):
     Params = Params
     subscribes_to = frozenset({Contact.BEGIN})
     measured = (
-        Measured("vibration_m_s2", "m/s^2", "strongest vibration of the contact", digits=1, worst="greatest vibration"),
+        Measured(
+            "vibration_m_s2",
+            "m/s^2",
+            "strongest vibration of the contact",
+            digits=1,
+            maximum_label="greatest vibration",
+        ),
         Measured("missed_share", "1", "share of the vibration that was missed", "missed", digits=0, percent=True),
         Measured("grip", "1", "how it was held", "grip", show="page"),
         Measured("word", "1", "for programs only", show="no"),

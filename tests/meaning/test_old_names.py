@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import inspect
+import math
 import warnings
+from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
+import itouch
 import itouch.plugin
 from itouch.moved import HasOldNames
 from itouch.plugin import (
@@ -24,9 +27,11 @@ from itouch.plugin import (
     Timing,
     Twin,
     TwinInputs,
+    discovery,
     temperature,
 )
 from itouch.testing import DeviceHarness, DeviceTests
+from itouch.world import undeclared
 
 
 class Older(Device):
@@ -203,6 +208,62 @@ def test_an_older_device_reads_what_the_framework_sets_by_the_new_name() -> None
     }  # fmt: skip
 
 
+def test_methods_of_what_the_framework_makes_are_called_by_their_old_names() -> None:
+    figure = itouch.plugin.Measured("k", "1", "d", required_value=True, failure_reason="it was not")
+    times = itouch.plugin.Timestamps(["pose"])
+    device = itouch.plugin.WorldDevice("d", "p", None, (), (), {}, True)
+    watched = itouch.plugin.Watched("d", "p", None, (), ())
+    for one, old, new, given in (
+        (figure, "broken", "violated_by", (False,)), (figure, "told", "formatted", (0.25,)),
+        (times, "left", "command_sent", ()), (times, "moments", "measurement_times", ()),
+        (device, "truth", "true_field", (Role.HEAT_FLUX,)), (watched, "obeys", "commands_with", (Role.DRIVE,)),
+    ):  # fmt: skip
+        with pytest.warns(DeprecationWarning, match=f"'{old}' is '{new}' now: call that"):
+            found = getattr(one, old)(*given)
+        if old != "moments":  # it tells the time
+            assert found == getattr(one, new)(*given)
+
+
+def test_an_older_monitor_watches_as_it_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A whole session: its budget, its moments, what it forgets, and that it is checked with the finger's position."""
+
+    class Watches(itouch.plugin.Monitor):
+        name, placed, moments = "older", True, ("since",)
+        heard: ClassVar[list[str]] = []
+
+        @classmethod
+        def of(cls, device: itouch.plugin.Watched) -> tuple[Watches, ...]:
+            return (cls(device),) if device.obeys(Role.FORCE_ON_OPERATOR) else ()
+
+        def fields(self) -> tuple[Field, ...]:
+            return (Field("since", unit="s", doc="when it began"),)
+
+        def forget(self, state: Record) -> None:
+            self.heard.append("forget")
+
+        def spent(self, state: Record) -> str:
+            self.heard.append("spent")
+            return ""
+
+        def check(self, state: Record, reading: Record, sent: Record, moment: itouch.plugin.Moment) -> float:
+            if math.isfinite(moment.strayed + moment.finger[0]):
+                self.heard.append("placed")
+            return 1.0
+
+    offered = discovery.Catalog.monitors
+    monkeypatch.setattr(discovery.Catalog, "monitors", lambda self: (*offered(self), Watches))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its own uses of old names
+        session = itouch.build(Path(__file__).parents[2] / "scenes" / "first_touch.xml")
+        session.run(0.05)
+    assert "forget" in Watches.heard
+    told = " ".join(undeclared(session.model))
+    for old in ("placed", "moments", "forget", "spent"):
+        assert f"'{old}' of Watches is" in told
+    (installed,) = [one for one in session.model.devices["arm"].monitors if one.name == "older"]
+    assert installed.needs_finger_position and installed.time_fields == ("since",)
+
+
 def test_an_older_twin_writes_to_its_inputs_by_their_old_names() -> None:
     touch = TwinInputs(force=1.5)
     for old, new in (("face", "force_and_gap"), ("skin", "skin_temperature"), ("taken", "heat_flux"),
@@ -218,6 +279,22 @@ KEYWORDS: list[tuple[type, dict[str, Any], dict[str, Any], dict[str, str]]] = [
     (OperatorInput, {}, {"led_by": "mouse"}, {"led_by": "input_source"}),
     (Timing, {}, {"waits": 0.01}, {"waits": "command_wait"}),
     (Emulation, {}, {"fits": ()}, {"fits": "calibrations"}),
+    (itouch.plugin.Moment, {}, {"strayed": 0.5}, {"strayed": "tracking_error"}),
+    (
+        itouch.plugin.Fit,
+        {"kind": "k", "doc": "d", "columns": (), "solve": len},
+        {"lacks": str, "days": 3.0},
+        {"lacks": "missing_parameters", "days": "valid_days"},
+    ),
+    (
+        itouch.plugin.Measured,
+        {"key": "k", "unit": "1", "doc": "d"},
+        {"must": True, "otherwise": "it was not", "worst": "greatest", "head": "h", "error": True},
+        {
+            "must": "required_value", "otherwise": "failure_reason", "worst": "maximum_label", "head": "short_title",
+            "error": "relative_error",
+        },
+    ),
     (itouch.plugin.ContactFields, {"probe": "tip"}, {"damped": True}, {"damped": "add_damping"}),
     (
         itouch.plugin.SurfaceFields,
@@ -240,7 +317,8 @@ def test_old_keywords_and_attributes_of_named_values_are_understood(
         with pytest.warns(
             DeprecationWarning, match=f"{cls.__name__}: '{old}' is '{names[old]}' now: write that"
         ) as told:
-            older = cls(**rest, **{old: value})
+            others = {names[other]: given[other] for other in given if other != old}
+            older = cls(**rest, **others, **{old: value})
         assert told[0].filename == __file__ and getattr(older, names[old]) == value
         with pytest.warns(DeprecationWarning, match=f"'{old}' is '{names[old]}' now: use that"):
             assert getattr(newer, old) == value

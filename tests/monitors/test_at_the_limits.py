@@ -141,9 +141,9 @@ def test_a_monitor_of_two_plates_reads_the_component_that_is_its_own() -> None:
 def test_a_budget_is_used_up_when_more_than_all_of_it_is(field: str, most: float) -> None:
     monitor, memory = made(Heat, PLATE)
     memory[field] = most
-    assert monitor.spent(memory) == ""
+    assert monitor.exhausted_budget(memory) == ""
     memory[field] = beyond(most)
-    assert monitor.spent(memory) != ""
+    assert monitor.exhausted_budget(memory) != ""
 
 
 def test_where_dose_and_cold_begin() -> None:
@@ -202,7 +202,7 @@ def test_a_sink_cuts_the_drive_down_between_50_and_55_degrees() -> None:
 def test_a_step_of_five_kelvin_is_let_pass() -> None:
     monitor, memory = made(Heat, PLATE)
     for top, found in ((305.0, 0.0), (305.1, -float(Trip.SENSOR_JUMP)), (294.9, -float(Trip.SENSOR_JUMP))):
-        monitor.forget(memory)
+        monitor.clear_history(memory)
         for step in range(41):
             history_kernels.add(monitor.memory(memory).past, 0.005 * step, 300.0 if step < 30 else top, 0.0)
         assert heat_kernels.jump(monitor.allowed, monitor.memory(memory)) == found
@@ -265,7 +265,7 @@ def test_a_drive_that_goes_one_way_heats(low: Any, drive: float) -> None:
 def drifting() -> tuple[Runaway, Record]:
     runaway = Runaway(follows=True)
     memory = Record.of(runaway.fields())
-    runaway.forget(memory)
+    runaway.clear(memory)
     return runaway, memory
 
 
@@ -448,7 +448,7 @@ def test_a_torque_counts_as_the_force_that_has_it_at_its_lever(wrench: tuple[flo
 def test_means_and_integrals_are_those_of_what_was_read() -> None:
     history = History((0.1, 0.2))
     memory = Record.of(history.fields())
-    history.forget(memory)
+    history.clear(memory)
     past = history.past(memory)
     assert history_kernels.newest(past) == 0.0 and not history_kernels.before(past, 0)[0]
     assert history_kernels.value_at(past, 0.0, 0) == 0.0 and history_kernels.mean_flux(past, 0) == 0.0
@@ -472,7 +472,7 @@ def test_means_and_integrals_are_those_of_what_was_read() -> None:
 def test_times_that_differ_by_a_rounding_are_one() -> None:
     history = History((10.0,))
     memory = Record.of(history.fields())
-    history.forget(memory)
+    history.clear(memory)
     past = history.past(memory)
     for time, kelvin in ((0.0, 300.0), (0.5 + 1e-7, 310.0), (1.0, 320.0)):
         history_kernels.add(past, time, kelvin, 0.0)
@@ -488,7 +488,7 @@ def test_a_place_of_just_fifty_milliseconds_ago_is_known() -> None:
 def test_a_full_ring_forgets_the_oldest() -> None:
     history = History((10.0, 0.01))
     memory = Record.of(history.fields())
-    history.forget(memory)
+    history.clear(memory)
     past = history.past(memory)
     for step in range(READINGS + 5):
         history_kernels.add(past, 0.01 * step, float(step), 0.0)
@@ -717,7 +717,7 @@ class Moments(Times):
 
     name: ClassVar[str] = "moments"
     told: ClassVar[list[tuple[float, bool, float]]] = []
-    placed: ClassVar[bool] = False
+    needs_finger_position: ClassVar[bool] = False
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
         self.told.append((moment.now, moment.fresh, moment.age))
@@ -728,7 +728,7 @@ class Placed(Moments):
     """Looks where the finger is."""
 
     name: ClassVar[str] = "placed"
-    placed: ClassVar[bool] = True
+    needs_finger_position: ClassVar[bool] = True
 
 
 def listened(kind: type[Monitor]) -> tuple[Supervised, FakeTwin]:
@@ -756,7 +756,7 @@ class Gaps(Moments):
     """Notes how long ago it looked last."""
 
     name: ClassVar[str] = "gaps"
-    placed: ClassVar[bool] = True
+    needs_finger_position: ClassVar[bool] = True
     times: ClassVar[list[float]] = []
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
@@ -779,7 +779,7 @@ class Measured(Moments):
     """Notes when what it is shown was measured."""
 
     name: ClassVar[str] = "measured"
-    placed: ClassVar[bool] = True
+    needs_finger_position: ClassVar[bool] = True
     times: ClassVar[list[float]] = []
 
     def check(self, state: Record, reading: Record, sent: Record, moment: Moment) -> float:
@@ -1065,7 +1065,7 @@ def test_a_surface_leaves_all_between_two_looks() -> None:
 def test_a_drive_that_changes_forgets_how_fast_the_plate_went() -> None:
     watch = Runaway(follows=True, part=1.0)
     memory = Record.of(watch.fields())
-    watch.forget(memory)
+    watch.clear(memory)
     for step, drive in enumerate((0.8, 0.8, 0.8, 0.8, 0.2)):
         look = Look(0.1 * step, 0.1 * step, 0.1, True)
         runaway_kernels.check(watch.checks, watch.memory(memory), 300.0 + 0.1 * step, 300.0, drive, look, True)

@@ -34,7 +34,7 @@ class Table(Asked):
         if "wrench" in self.reading:
             self.reading["wrench"][:3] = (side, 0.0, load)
         moment = self.moment
-        moment.strayed, moment.gap, moment.calibrated, moment.finger = strayed, gap, calibrated, finger
+        moment.tracking_error, moment.gap, moment.calibrated, moment.finger = strayed, gap, calibrated, finger
         self.check(seconds)
         self.tick += 1
         if self.state["looked"].item() != moment.now:

@@ -482,9 +482,12 @@ def test_time_in_the_cold_is_used_up() -> None:
     plate = Plate(touched=True)
     trip, after = plate.until_trip(13000, 15.5)
     assert (trip, after) == (Trip.COLD, pytest.approx(120.0, abs=0.1))
-    assert plate.monitor.spent(plate.state) == "has been touched for as long as a cold plate may be in a session"
+    assert (
+        plate.monitor.exhausted_budget(plate.state)
+        == "has been touched for as long as a cold plate may be in a session"
+    )
     plate.forget()
-    assert plate.monitor.spent(plate.state)
+    assert plate.monitor.exhausted_budget(plate.state)
     warm = Plate(touched=True)
     assert warm.until_trip(13000, 16.1)[0] is Trip.NONE
 

@@ -68,7 +68,7 @@ def test_tightening_a_surface_neither(walk: list[tuple[float, float, float]], fo
     def when(limits: DeviceLimits) -> float:
         asked = Asked(Surface, TABLE, limits)
         for index, (load, gap, strayed) in enumerate(walk):
-            asked.reading["wrench"][2], asked.moment.gap, asked.moment.strayed = load, gap, strayed
+            asked.reading["wrench"][2], asked.moment.gap, asked.moment.tracking_error = load, gap, strayed
             asked.moment.calibrated = True
             try:
                 asked.check(0.02)

@@ -222,7 +222,7 @@ class Toy(Monitor):
     name = "toy"
     trips: ClassVar[dict[int, str]] = {1: "one", 2: "two"}
     says: ClassVar[Any] = 1.0
-    placed: ClassVar[bool] = False
+    needs_finger_position: ClassVar[bool] = False
 
     @classmethod
     def of(cls, device: Watched) -> Iterator[Monitor]:
@@ -242,7 +242,7 @@ class Toy(Monitor):
 
 class PlacedToy(Toy):
     name = "placed"
-    placed: ClassVar[bool] = True
+    needs_finger_position: ClassVar[bool] = True
 
 
 def toyed(says: Any, kind: type[Toy] = Toy, twin: Any = None) -> Supervised:
@@ -339,7 +339,7 @@ def test_a_surface_says_what_is_touched_and_how_fast_it_may_close_in() -> None:
     device.lifecycle.open()
     device.reading["wrench"][2] = -1.0
     device.gate.read(0)
-    device.gate.device_monitors.moment.gap, device.gate.device_monitors.moment.strayed = -0.001, 0.0
+    device.gate.device_monitors.moment.gap, device.gate.device_monitors.moment.tracking_error = -0.001, 0.0
     device.gate.acquisition.watch_placed(0)
     assert device.gate.device_monitors.touched
     assert device.gate.device_monitors.force == 1.0
@@ -451,7 +451,7 @@ def test_details_of_rules_and_windows() -> None:
     two = watched("it", "f", None, ((temperature("a", skin), temperature("b", skin)), ()), LIMITS, twin=False)
     assert "two sensors of one plate 3 K apart" in Readings(two).rules()[0].trip
     table = Asked(Surface, TABLE)
-    table.moment.strayed = table.moment.gap = 0.0
+    table.moment.tracking_error = table.moment.gap = 0.0
     table.check(0.01)
     table.moment.now += 0.01  # it looks again, but nothing was measured since
     assert table.monitor.check(table.state, table.reading, table.sent, table.moment) == 1.0

@@ -158,8 +158,8 @@ def test_a_page_that_can_not_be_written_is_refused_in_a_sentence(tmp_path):
 def test_what_rounds_to_nothing_has_no_sign() -> None:
     from itouch.plugin import Measured
 
-    assert Measured("gap_mm", "mm", "a gap", digits=3).told(-0.0004) == "0.000"
-    assert Measured("gap_mm", "mm", "a gap", digits=3).told(-0.0006) == "-0.001"
+    assert Measured("gap_mm", "mm", "a gap", digits=3).formatted(-0.0004) == "0.000"
+    assert Measured("gap_mm", "mm", "a gap", digits=3).formatted(-0.0006) == "-0.001"
     assert number(-0.0004, ".3f") == "0.000"
 
 

@@ -440,9 +440,9 @@ def test_a_monitor_made_from_one_of_the_frameworks_is_a_plugins(tmp_path: Path) 
 
 def test_a_moment_that_is_no_field_is_told_when_the_scene_is_built(tmp_path: Path) -> None:
     class Forgets(Watches):
-        moments: ClassVar[tuple[str, ...]] = ("when",)
+        time_fields: ClassVar[tuple[str, ...]] = ("when",)
 
-    with pytest.raises(SceneError, match="has no field 'when', which it names in `moments`"):
+    with pytest.raises(SceneError, match="has no field 'when', which it names in `time_fields`"):
         itouch.build(scene(tmp_path, "pad"), catalog=catalog({"stranger": plate("t", "i")}, {"leaver": Forgets}))
 
 

@@ -60,7 +60,7 @@ class Asked(Monitor):
 
     name: ClassVar[str] = "asked"
     trips: ClassVar[dict[int, str]] = {}
-    placed: ClassVar[bool] = True
+    needs_finger_position: ClassVar[bool] = True
     seen: ClassVar[list[tuple[float, bool, bool, float]]] = []
 
     @classmethod

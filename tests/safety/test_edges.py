@@ -136,7 +136,7 @@ def test_at_its_edge_a_surface_is_not_near_and_not_astray() -> None:
 def test_a_history_knows_nothing_at_first() -> None:
     history = History((0.05, 0.1, 0.5, 1.0))
     memory = Record.of(history.fields())
-    history.forget(memory)
+    history.clear(memory)
     past = history.past(memory)
     assert history_kernels.newest(past) == 0.0
     assert history_kernels.step(past, 0, 1) == 0.0
@@ -149,7 +149,7 @@ def test_a_history_knows_nothing_at_first() -> None:
 def test_a_history_looks_back_through_a_full_ring() -> None:
     history = History((0.05, 0.1, 0.5, 1.0))
     memory = Record.of(history.fields())
-    history.forget(memory)
+    history.clear(memory)
     past = history.past(memory)
     for step in range(2 * READINGS + 7):
         history_kernels.add(past, 0.005 * step, 300.0 + 0.01 * step, 100.0)

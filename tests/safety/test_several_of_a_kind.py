@@ -454,7 +454,7 @@ def test_an_arm_leaves_to_a_plate_what_that_presses_with_whoever_commands_its_fo
 def test_every_force_sensor_of_a_surface_counts(loads: tuple[str, ...]) -> None:
     reads = (pose(locked=(3, 4, 5)), *(replace(measured_wrench(force=50.0), name=name) for name in loads))
     surface = Asked(Surface, (reads, TABLE[1]))
-    surface.moment.gap, surface.moment.strayed, surface.moment.finger = -0.001, 0.0, (0.0, 0.0, 0.01)
+    surface.moment.gap, surface.moment.tracking_error, surface.moment.finger = -0.001, 0.0, (0.0, 0.0, 0.01)
     surface.reading["pose"] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     surface.reading[loads[-1]] = (0.0, 0.0, -0.1, 0.0, 0.0, 0.0)
     surface.check(0.02)

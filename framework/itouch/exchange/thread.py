@@ -231,7 +231,7 @@ class ThreadedDevice(Exchanged):
                 self._gone = begin + way, self._command.tobytes()
             self.called = "read"
             if is_new(self.device.read(self._reading)):
-                self._newest = stamps.moments(), self._reading.tobytes()
+                self._newest = stamps.measurement_times(), self._reading.tobytes()
                 read.set()
             if sent is not before:
                 took = stamps.departure(otherwise) - begin

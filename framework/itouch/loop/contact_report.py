@@ -119,10 +119,10 @@ def figures_of(model: Model, contacts: Iterable[Mapping[str, Any]]) -> tuple[Mea
             if one.key not in first:
                 first[one.key] = one
             elif _beside(modality, one.key) in there:
-                title, head, worst = (
-                    f"{modality.name} {text}" if text else "" for text in (one.title or one.key, one.head, one.worst)
-                )
-                further.append(replace(one, key=_beside(modality, one.key), title=title, head=head, worst=worst))
+                titles = (one.title or one.key, one.short_title, one.maximum_label)
+                long, short, most = (f"{modality.name} {text}" if text else "" for text in titles)
+                key = _beside(modality, one.key)
+                further.append(replace(one, key=key, title=long, short_title=short, maximum_label=most))
     return (*first.values(), *further)
 
 

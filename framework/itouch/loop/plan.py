@@ -229,7 +229,7 @@ def _supervision(
 ) -> Iterator[Step]:  # fmt: skip
     """Yield the steps that check devices by where the finger is, then those that limit what acts on one finger."""
     for runner in runners.values():
-        if any(monitor.placed for monitor in runner.model.monitors):
+        if any(monitor.needs_finger_position for monitor in runner.model.monitors):
             mine = [rig for rig in rigs if runner is rig.table or rig.moves(runner)]
             carried = [one for one in runners.values() if one.model.carrier == runner.model.name]
             yield steps.supervise(runner, mine, carried, state, tracking)

@@ -293,7 +293,7 @@ class ProbeRig:
             moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             distance = figures[render.TRACKING].item()
-            moment.strayed = runner.gate.acquisition.strayed(distance)
+            moment.tracking_error = runner.gate.acquisition.strayed(distance)
             if counting:
                 self._statistics.tracking.add(distance)
             moment.gap = self._gap()

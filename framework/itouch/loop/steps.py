@@ -59,7 +59,7 @@ def _readings(model: DeviceModel) -> tuple[str, ...]:
 
 def _watched(model: DeviceModel) -> tuple[str, ...]:
     """Return the State of the monitors that look at every reading, or when their time has come."""
-    names = [monitor.name for monitor in model.monitors if not monitor.placed]
+    names = [monitor.name for monitor in model.monitors if not monitor.needs_finger_position]
     return ("heard", *(f"{name}.*" for name in names))
 
 

@@ -170,7 +170,7 @@ def bound_supervision(
 ) -> tuple[Bound, ...]:  # fmt: skip
     """Return the supervision of an arm or a table of one finger as compiled calls; none: it is left to Python."""
     panel = runner.gate.device_monitors
-    placed = [post for post in panel.installed if post.monitor.placed]
+    placed = [post for post in panel.installed if post.monitor.needs_finger_position]
     if len(placed) != 1 or not all(post.own for post in panel.installed):
         return ()
     (post,), name = placed, runner.model.name

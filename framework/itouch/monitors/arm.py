@@ -25,14 +25,14 @@ class Arm(Monitor):
     """Watches what an arm was sent, and how fast the finger on it moves."""
 
     name = "arm"
-    placed: ClassVar[bool] = True
+    needs_finger_position: ClassVar[bool] = True
     trips: ClassVar[Mapping[int, str]] = {
         int(trip): trip.label for trip in (Trip.SPEED, Trip.FINGER_FORCE, Trip.FINGER_TORQUE)
     }
 
     def __init__(self, device: Watched) -> None:
         super().__init__(device)
-        self._wrench = next(iter(device.obeys(Role.FORCE_ON_OPERATOR)))
+        self._wrench = next(iter(device.commands_with(Role.FORCE_ON_OPERATOR)))
         self._force = device.limits.get("force") or 0.0
         self._torque: float | None = device.limits.get("torque")
         self._all = device.limits.get("finger_force") or default.FORCE
@@ -42,12 +42,12 @@ class Arm(Monitor):
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
         """Every device that exerts a force on the operator."""
-        return (cls(device),) if device.obeys(Role.FORCE_ON_OPERATOR) else ()
+        return (cls(device),) if device.commands_with(Role.FORCE_ON_OPERATOR) else ()
 
     @property
     def watches(self) -> tuple[str, ...]:
         """The forces that it limits."""
-        return tuple(channel.name for channel in self.device.obeys(Role.FORCE_ON_OPERATOR))
+        return tuple(channel.name for channel in self.device.commands_with(Role.FORCE_ON_OPERATOR))
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State that it needs."""

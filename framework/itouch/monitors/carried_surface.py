@@ -33,8 +33,8 @@ class Surface(Monitor):
     """Watches one carried surface."""
 
     name = "surface"
-    placed: ClassVar[bool] = True
-    moments: ClassVar[tuple[str, ...]] = ("counted", "near_since", "looked", "track")
+    needs_finger_position: ClassVar[bool] = True
+    time_fields: ClassVar[tuple[str, ...]] = ("counted", "near_since", "looked", "track")
     trips: ClassVar[Mapping[int, str]] = {int(trip): trip.label for trip in _TRIPS}
 
     def __init__(self, device: Watched) -> None:
@@ -81,9 +81,9 @@ class Surface(Monitor):
     def reset(self, state: Record) -> None:
         """Begin a session."""
         state["counted"][...] = math.nan
-        self.forget(state)
+        self.clear_history(state)
 
-    def forget(self, state: Record) -> None:
+    def clear_history(self, state: Record) -> None:
         """Forget what was measured, but not for how long it was touched."""
         state["strayed_for"][...] = state["doubted"][...] = 0.0
         state["near_since"][...] = state["looked"][...] = math.nan
@@ -133,8 +133,8 @@ class Surface(Monitor):
         from itouch.monitors import surface_kernels
 
         seen = surface_kernels.SurfaceObservation(
-            float(moment.now), float(moment.time), float(moment.seconds), float(moment.strayed), float(moment.gap),
-            bool(moment.calibrated),
+            float(moment.now), float(moment.time), float(moment.seconds), float(moment.tracking_error),
+            float(moment.gap), bool(moment.calibrated),
         )  # fmt: skip
         finger, touch = tuple(float(one) for one in moment.finger), np.array([math.nan, math.nan])
         memory, pose = self.memory(state), self.pose(reading)

@@ -26,13 +26,13 @@ class Push(Monitor):
     @classmethod
     def of(cls, device: Watched) -> Iterable[Monitor]:
         """Every device that presses by a fluid and reads the contact force."""
-        wanted = device.obeys(Role.PRESSURE) and device.readings(Role.CONTACT_FORCE)
+        wanted = device.commands_with(Role.PRESSURE) and device.readings(Role.CONTACT_FORCE)
         return (cls(device),) if wanted else ()
 
     @property
     def watches(self) -> tuple[str, ...]:
         """The pressure commands whose force it watches."""
-        return tuple(channel.name for channel in self.device.obeys(Role.PRESSURE))
+        return tuple(channel.name for channel in self.device.commands_with(Role.PRESSURE))
 
     def fields(self) -> tuple[Field, ...]:
         """Return the State that it needs."""

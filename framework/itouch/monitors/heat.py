@@ -64,7 +64,7 @@ class History:
             Field("tails", "i8", len(self._windows), low=0, unit="1", doc="where each window begins"),
         )
 
-    def forget(self, state: Record) -> None:
+    def clear(self, state: Record) -> None:
         """Forget all readings."""
         state["samples"][...] = 0
         state["tails"][:] = 0
@@ -93,7 +93,7 @@ class Heat(Monitor):
         wanted = index if separate(device) else None
         self._sinks = _of_plate(device.readings(Role.HEAT_SINK_TEMPERATURE), len(plates(device)), wanted)
         self._fluxes = _of_plate(device.readings(Role.HEAT_FLUX), len(plates(device)), wanted)
-        self._switches = _of_plate(device.obeys(Role.OUTPUT_SWITCH), len(plates(device)), wanted)
+        self._switches = _of_plate(device.commands_with(Role.OUTPUT_SWITCH), len(plates(device)), wanted)
         limits = device.limits
         self._limits = limits.get("temperature") or default.PLATE_TEMPERATURE
         self._trip = limits.get("temperature_trip") or default.PLATE_TRIP
@@ -115,7 +115,7 @@ class Heat(Monitor):
             return ()
         return tuple(cls(device, index) for index in range(len(plates(device)) if separate(device) else 1))
 
-    moments: ClassVar[tuple[str, ...]] = ("since", "history", "frozen_at", "parts", "touched_at")
+    time_fields: ClassVar[tuple[str, ...]] = ("since", "history", "frozen_at", "parts", "touched_at")
 
     @property
     def watches(self) -> tuple[str, ...]:
@@ -133,13 +133,13 @@ class Heat(Monitor):
             Field("figure", "f8", 3, unit="mixed", doc="the figures of the last trip"),
         )
 
-    def forget(self, state: Record) -> None:
+    def clear_history(self, state: Record) -> None:
         """Forget what was measured, but not the dose."""
-        self._history.forget(state)
-        self._runaway.forget(state)
+        self._history.clear(state)
+        self._runaway.clear(state)
         state["since"][...] = math.nan
 
-    def spent(self, state: Record) -> str:
+    def exhausted_budget(self, state: Record) -> str:
         """Return the words for a dose, or a time in the cold, that is used up; empty: neither is."""
         if state["dose"].item() > self._dose:
             return "has given the whole thermal dose of a session"

@@ -89,7 +89,7 @@ class Readings(Monitor):
             ),
         )
 
-    def forget(self, state: Record) -> None:
+    def clear_history(self, state: Record) -> None:
         """Forget the last reading: the next one may be anywhere in its range."""
         state["known"][...] = 0
 
@@ -226,7 +226,7 @@ def plates(device: Watched) -> list[tuple[int, str, int]]:
 
 def drives(device: Watched) -> list[tuple[Channel, int]]:
     """Return the components of commands that heat or cool."""
-    wanted = device.obeys(Role.DRIVE, Role.TEMPERATURE_TARGET)
+    wanted = device.commands_with(Role.DRIVE, Role.TEMPERATURE_TARGET)
     return [(channel, index) for channel in wanted for index in range(channel.size)]
 
 

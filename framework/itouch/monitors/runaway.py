@@ -65,7 +65,7 @@ class Runaway:
             Field("figure2", "f8", 2, unit="mixed", doc="the figures of the last trip of sensor or drive"),
         )
 
-    def forget(self, state: Record) -> None:
+    def clear(self, state: Record) -> None:
         """Forget what was measured."""
         state["frozen"][...] = math.nan
         state["driven_for"][...] = state["odd_for"][...] = state["frozen_slope"][...] = 0.0

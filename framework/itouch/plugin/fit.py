@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.moved import with_old_fields
+
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
@@ -28,6 +30,7 @@ def _nothing(_: Any) -> str:
     return ""
 
 
+@with_old_fields(lacks="missing_parameters", days="valid_days")
 @dataclass(frozen=True, slots=True)
 class Fit:
     """A calibration of one kind.
@@ -38,21 +41,21 @@ class Fit:
         Its name, and how the samples are taken.
     columns
         What the columns of the samples are, with their units.
-    days
+    valid_days
         How long its result is valid [days].
     solve
         Takes the device's parameters and the samples, shape (n, columns), and returns the result; raises ``ValueError``
         if the samples are too few or determine nothing.
-    lacks
+    missing_parameters
         Takes the device's parameters, and returns what they lack for this calibration; an empty string if nothing.
     """
 
     kind: str
     doc: str
     columns: tuple[str, ...]
-    days: float
+    valid_days: float
     solve: Callable[[Any, NDArray[np.float64]], Fitted]
-    lacks: Callable[[Any], str] = _nothing
+    missing_parameters: Callable[[Any], str] = _nothing
 
 
 def line_through(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -46,11 +46,13 @@ class FingerTwin(Twin):
     The readings are those of `ImpedanceArm`; a twin whose readings have other names overrides ``pose`` and ``switch``.
     """
 
+    _OLD_NAMES = {"turns": "senses_rotation"}
+
     pose: ClassVar[str] = "pose"
     switch: ClassVar[str] = "deadman"
 
     @property
-    def turns(self) -> bool:
+    def senses_rotation(self) -> bool:
         """Whether the arm's end can turn and its orientation is sensed: ``params.rotations``, if there is one."""
         return getattr(self.params, "rotations", "locked") != "locked"
 
@@ -78,7 +80,8 @@ class FingerTwin(Twin):
         from itouch.plugin.kernels import encoded
 
         switch = reading[self.switch] if self.switch in reading else np.zeros(0)
-        return Bound(encoded, state["pose"], float(self.params.resolution), self.turns, reading[self.pose], switch)
+        step, turns = float(self.params.resolution), self.senses_rotation
+        return Bound(encoded, state["pose"], step, turns, reading[self.pose], switch)
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Read the pose in steps of the encoders; the operator of a twin always holds the switch."""
@@ -90,14 +93,16 @@ class ImpedanceArm(Device, Generic[D]):
     """An arm with a driver: it tracks the finger and pushes it; its rotations are locked.
 
     ``Params`` must have ``grip`` [m], the vector from the arm's end to the fingertip's centre, ``resolution`` [m] for
-    the twin, and ``deadman``, the button that must be held to run, or ``"none"``.  The plugin defines ``make``, which
-    makes a driver, and ``read``.
+    the twin, and ``deadman``, the button that must be held to run, or ``"none"``.  The plugin defines ``make_driver``,
+    which makes a driver, and ``read``.
     """
+
+    _OLD_NAMES = {"harmless": "errors_after_zero_force", "make": "make_driver", "put": "write_reading"}
 
     reads = (pose(locked=ROTATIONS),)
     Twin: ClassVar[type[Twin] | None] = FingerTwin
     #: Errors that the driver's ``open`` raises after it has sent zero force; ``make_safe`` needs no more than that.
-    harmless: ClassVar[tuple[type[Exception], ...]] = ()
+    errors_after_zero_force: ClassVar[tuple[type[Exception], ...]] = ()
 
     def __init__(self, params: Any) -> None:
         super().__init__(params)
@@ -114,7 +119,7 @@ class ImpedanceArm(Device, Generic[D]):
         return (*cls.reads, *switch), cls.commands
 
     @abstractmethod
-    def make(self, *, safe: bool = False) -> D:
+    def make_driver(self, *, safe: bool = False) -> D:
         """Return a driver that is not open; ``safe``: it only takes the force away, and so waits for nobody."""
 
     def open(self) -> None:
@@ -125,7 +130,7 @@ class ImpedanceArm(Device, Generic[D]):
         DeviceError
             If it is missing, refuses, or is not calibrated in time; the message says what to do.
         """
-        driver = self.make()
+        driver = self.make_driver()
         driver.open()
         self.driver = driver
 
@@ -152,14 +157,14 @@ class ImpedanceArm(Device, Generic[D]):
 
     def make_safe(self, safe: Record) -> None:
         """Take the force away: opening sends zero force, whether the arm is calibrated or not."""
-        driver = self.make(safe=True)
+        driver = self.make_driver(safe=True)
         try:
-            with contextlib.suppress(*self.harmless):
+            with contextlib.suppress(*self.errors_after_zero_force):
                 driver.open()
         finally:
             driver.close()
 
-    def put(self, reading: Record, position: Iterable[float], held: bool) -> None:
+    def write_reading(self, reading: Record, position: Iterable[float], held: bool) -> None:
         """Write the fingertip's pose, from the position [m] of the arm's end, and whether the switch is held."""
         x, y, z = (a + b for a, b in zip(position, self.params.grip, strict=True))
         reading[self._pose] = (x, y, z, 1.0, 0.0, 0.0, 0.0)

@@ -5,11 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from itouch.moved import with_old_fields
 from itouch.plugin.quantity import Role
 
 _SQUARES = str.maketrans({"2": "²", "3": "³"})
 
 
+@with_old_fields(
+    must="required_value", otherwise="failure_reason", worst="maximum_label", head="short_title",
+    error="relative_error", broken="violated_by", told="formatted",
+)  # fmt: skip
 @dataclass(frozen=True, slots=True)
 class Measured:
     """One figure of a contact, which `Modality.measures` returns under its key.
@@ -25,7 +30,7 @@ class Measured:
         One sentence that says what is measured.
     title
         Its title in the head of a table; default: the key.
-    head
+    short_title
         Head of its column on a terminal, where space is short; default: title and unit.
     digits
         How many digits after the decimal point are shown.
@@ -34,16 +39,16 @@ class Measured:
         come last.
     show
         ``""``: on the terminal and on the page; ``"page"``: on the page only; ``"no"``: in the report's data only.
-    worst
+    maximum_label
         Label under which the summary shows the greatest value of all contacts; empty: it does not.
-    must
+    required_value
         Of a yes or no: the value it must have for a touch to count in a study; None: either.
-    otherwise
+    failure_reason
         What is said of a touch with the other value.
     role
         What it is for: ``HEAT_FLUX``, the mean flux of the contact; ``SKIN_TEMPERATURE``, by how much the skin cooled.
         A study uses these if nothing tells what was truly felt.
-    error
+    relative_error
         Whether it is the relative difference of what was rendered from what was wanted: in a study a touch counts only
         if it is at most the study's ``flux-error``.
     """
@@ -52,15 +57,15 @@ class Measured:
     unit: str
     doc: str
     title: str = ""
-    head: str = ""
+    short_title: str = ""
     digits: int = 2
     percent: bool = False
     show: str = ""
-    worst: str = ""
-    must: bool | None = None
-    otherwise: str = ""
+    maximum_label: str = ""
+    required_value: bool | None = None
+    failure_reason: str = ""
     role: Role = Role.SIGNAL
-    error: bool = False
+    relative_error: bool = False
 
     def __post_init__(self) -> None:
         if not self.key or not self.unit or not self.doc.strip():
@@ -70,13 +75,15 @@ class Measured:
             )
         if self.show not in ("", "page", "no"):
             raise ValueError(f"measured '{self.key}': show is '', 'page' or 'no', not '{self.show}'")
-        if (self.must is None) != (not self.otherwise):
-            wanted = "must and otherwise go together: what the value must be, and what to say if it is not"
+        if (self.required_value is None) != (not self.failure_reason):
+            wanted = (
+                "required_value and failure_reason go together: what the value must be, and what to say if it is not"
+            )
             raise ValueError(f"measured '{self.key}': {wanted}")
 
-    def broken(self, value: object) -> bool:
+    def violated_by(self, value: object) -> bool:
         """Tell whether a figure is known and does not have the value that it must have."""
-        return self.must is not None and value is not None and bool(value) is not self.must
+        return self.required_value is not None and value is not None and bool(value) is not self.required_value
 
     @property
     def scale(self) -> float:
@@ -98,9 +105,9 @@ class Measured:
     @property
     def short_head(self) -> str:
         """Head of its column on a terminal."""
-        return self.head or (f"{self.title} {self.shown_unit}".strip() if self.title else self.key)
+        return self.short_title or (f"{self.title} {self.shown_unit}".strip() if self.title else self.key)
 
-    def told(self, value: object) -> str:
+    def formatted(self, value: object) -> str:
         """Return a figure as a cell of a terminal's table; a text stays as it is, a missing figure is a dash."""
         if value is None or isinstance(value, bool):
             return "-" if value is None else "yes" if value else "no"

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
-from itouch.moved import HasOldNames
+from itouch.moved import HasOldNames, with_old_fields
 from itouch.plugin.channel import Channel
 from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field, Record
@@ -30,6 +30,7 @@ class Rule(NamedTuple):
     source: str = "the default"
 
 
+@with_old_fields(obeys="commands_with")
 @dataclass(frozen=True, slots=True)
 class Watched:
     """A device as a monitor sees it when the scene is compiled.
@@ -55,19 +56,20 @@ class Watched:
         """Return the first reading with a role, or None."""
         return next(iter(self.readings(role)), None)
 
-    def obeys(self, *roles: Role) -> tuple[Channel, ...]:
+    def commands_with(self, *roles: Role) -> tuple[Channel, ...]:
         """Return the commands with one of these roles."""
         return tuple(channel for channel in self.commands if channel.role in roles)
 
     def command(self, role: Role) -> Channel | None:
         """Return the first command with a role, or None."""
-        return next(iter(self.obeys(role)), None)
+        return next(iter(self.commands_with(role)), None)
 
     def source(self, name: str) -> str:
         """Return who has set a limit."""
         return self.sources.get(name, "the default")
 
 
+@with_old_fields(strayed="tracking_error")
 @dataclass(slots=True)
 class Moment:
     """The circumstances of a check: times, and what is known of the finger; the object is reused for the next check.
@@ -92,7 +94,7 @@ class Moment:
         Position of the finger in the device's frame [m]; NaN: not known.
     speed
         Speed of the finger [m/s]; 0 if it is not known.
-    strayed
+    tracking_error
         Distance [m] of a surface from its commanded position; NaN: not known.
     calibrated
         Whether the height of the surface is known by touch-off.
@@ -108,7 +110,7 @@ class Moment:
     gap: float = math.nan
     finger: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     speed: float = 0.0
-    strayed: float = math.nan
+    tracking_error: float = math.nan
     calibrated: bool = False
 
 
@@ -120,15 +122,20 @@ class Monitor(HasOldNames, ABC):
     device is open, even without a new reading.  An exception from it stops the device.
     """
 
+    _OLD_NAMES = {
+        "forget": "clear_history", "moments": "time_fields", "placed": "needs_finger_position",
+        "spent": "exhausted_budget",
+    }  # fmt: skip
+
     #: Letters, digits and "_": the prefix of its fields.
     name: str
     #: Code (1, 2, ...) -> name of each trip, such as ``{1: "charge-dose"}``.
     trips: ClassVar[Mapping[int, str]] = {}
     #: True: checked in each tick, once the finger's position in that tick is known.
-    placed: ClassVar[bool] = False
+    needs_finger_position: ClassVar[bool] = False
     #: Its fields that hold moments in session time [s] (of a table: in its first column): a stored session with one of
     #: them later than its own time is refused.
-    moments: ClassVar[tuple[str, ...]] = ()
+    time_fields: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, device: Watched) -> None:
         self.device = device
@@ -149,9 +156,9 @@ class Monitor(HasOldNames, ABC):
 
     def reset(self, state: Record) -> None:
         """Set its fields, which are zero, to their initial values; called once per session."""
-        self.forget(state)
+        self.clear_history(state)
 
-    def forget(self, state: Record) -> None:
+    def clear_history(self, state: Record) -> None:
         """Forget past measurements, because the device was away; budgets stay."""
 
     @abstractmethod
@@ -181,7 +188,7 @@ class Monitor(HasOldNames, ABC):
         """Return the number (or the quantity) of the rule that a code belongs to; empty: none."""
         return ""
 
-    def spent(self, state: Record) -> str:
+    def exhausted_budget(self, state: Record) -> str:
         """Return which budget is used up, to follow "device 'x'", which then may not be enabled again; empty: none."""
         return ""
 

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from itouch.moved import with_old_fields
 from itouch.plugin.record import Record
 
 
+@with_old_fields(left="command_sent", moments="measurement_times")
 class Timestamps:
     """The times of one exchange on the host's monotonic clock [s], for a driver that knows them exactly.
 
@@ -51,7 +53,7 @@ class Timestamps:
         """Return how old each channel's reading was when the device sent it [s]."""
         return tuple(self._inside)
 
-    def left(self, ago: float = 0.0) -> None:
+    def command_sent(self, ago: float = 0.0) -> None:
         """State that the device received the command just now, or ``ago`` [s] before.
 
         Raises
@@ -66,7 +68,7 @@ class Timestamps:
         """Return when the command left [s]; ``otherwise`` if the driver has not stated it."""
         return self._left if self._left >= 0.0 else otherwise
 
-    def moments(self) -> tuple[float, ...]:
+    def measurement_times(self) -> tuple[float, ...]:
         """Return when each channel was measured [s]; if not stated, in the middle of the exchange until now."""
         middle = 0.5 * (self._begun + time.monotonic())
         return tuple(moment if moment >= 0.0 else middle for moment in self._measured)

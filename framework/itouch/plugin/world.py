@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from itouch.moved import with_old_fields
 from itouch.plugin.channel import Channel, of_role
 from itouch.plugin.quantity import Role
 from itouch.plugin.record import Field
@@ -29,6 +30,7 @@ class WorldObject:
     friction: tuple[float, float] = (0.0, 0.0)
 
 
+@with_old_fields(truth="true_field")
 @dataclass(frozen=True, slots=True)
 class WorldDevice:
     """A device as a modality sees it: its plugin's name, parameters, channels and limits in force (name -> SI).
@@ -61,7 +63,7 @@ class WorldDevice:
         channel = self.reading(role, unit)
         return f"{self.name}.{channel.name}" if channel is not None else ""
 
-    def truth(self, role: Role) -> str:
+    def true_field(self, role: Role) -> str:
         """Return the field of its twin's State that has the true value of a role, without sensor error; empty: none."""
         return next((field.name for field in self.twin_fields() if field.role is role), "")
 

@@ -71,8 +71,8 @@ class DeviceMonitors:
         self.surface = next((post for post in installed if isinstance(post.monitor, Surface)), None)
         others = [post for post in installed if post is not self.readings and post is not self._watchdog]
         self.installed: Sequence[InstalledMonitor] = installed
-        self._timed = [post for post in others if not post.monitor.placed]
-        self._placed = [post for post in others if post.monitor.placed]
+        self._timed = [post for post in others if not post.monitor.needs_finger_position]
+        self._placed = [post for post in others if post.monitor.needs_finger_position]
         self.clock = max(1, math.floor(CLOCK / period + 1e-6))
         self.apart = max(1, math.ceil(APART / period - 1e-6))  # closer ones would not all be remembered for a second
         #: The time of the reading that must be checked at once, in ticks, shape (1,).
@@ -94,7 +94,7 @@ class DeviceMonitors:
     def forget(self) -> None:
         """Forget what was measured; budgets stay."""
         for post in self.installed:
-            post.monitor.forget(post.state)
+            post.monitor.clear_history(post.state)
             post.checked[...] = -1
         self._heard[...] = -1
         self._gather()
@@ -102,7 +102,7 @@ class DeviceMonitors:
     def begin(self) -> None:
         """Forget where the finger was: a device that is enabled now has not been watched for a while."""
         for post in self._placed:
-            post.monitor.forget(post.state)
+            post.monitor.clear_history(post.state)
             post.checked[...] = -1
 
     def restore(self) -> None:
@@ -112,7 +112,7 @@ class DeviceMonitors:
 
     def spent(self) -> str:
         """Return the words for a budget that is used up; empty: none is."""
-        return next((said for post in self.installed if (said := post.monitor.spent(post.state))), "")
+        return next((said for post in self.installed if (said := post.monitor.exhausted_budget(post.state))), "")
 
     @property
     def share(self) -> float:

@@ -56,7 +56,9 @@ def _not_later(model: Model, state: Record) -> None:
         leaves = tick + round(_ON_ITS_WAY / model.period)
         ticks |= {field: leaves for field in (f"{name}.left", f"{name}.gone") if field in state}
         seconds = now * model.period + _ROUNDED
-        times = {f"{name}.{monitor.name}.{field}": seconds for monitor in device.monitors for field in monitor.moments}
+        times = {
+            f"{name}.{monitor.name}.{field}": seconds for monitor in device.monitors for field in monitor.time_fields
+        }
         for field, latest in (ticks | times).items():
             values = state[field]
             later = (values[..., 0] if values.ndim > 1 else values) > latest

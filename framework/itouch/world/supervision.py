@@ -94,7 +94,7 @@ def monitors_of(device: Watched, offered: Sequence[type[Monitor]]) -> tuple[Moni
     Raises
     ------
     ValueError
-        If two have the same name, or one names a field in ``moments`` that it does not have.
+        If two have the same name, or one names a field in ``time_fields`` that it does not have.
     """
     found = [*own_monitors(device), *(monitor for kind in offered for monitor in kind.of(device))]
     names = [monitor.name for monitor in found]
@@ -102,9 +102,9 @@ def monitors_of(device: Watched, offered: Sequence[type[Monitor]]) -> tuple[Moni
     if twice is not None:
         raise ValueError(f"two monitors of device '{device.name}' are named '{twice}'")
     for monitor in found:
-        unknown = set(monitor.moments) - {field.name for field in monitor.fields()}
+        unknown = set(monitor.time_fields) - {field.name for field in monitor.fields()}
         if unknown:
-            raise ValueError(f"monitor '{monitor.name}' has no field '{min(unknown)}', which it names in `moments`")
+            raise ValueError(f"monitor '{monitor.name}' has no field '{min(unknown)}', which it names in `time_fields`")
     return tuple(found)
 
 

@@ -115,7 +115,7 @@ def _params(device: Any, catalog: Any) -> Any:
 
 def _lacks(fit: Fit | None, device: Any, catalog: Any) -> str:
     """Return what a device of this scene lacks for a calibration; empty: nothing."""
-    return fit.lacks(_params(device, catalog)) if fit is not None else ""
+    return fit.missing_parameters(_params(device, catalog)) if fit is not None else ""
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -235,7 +235,7 @@ def _fit(options: argparse.Namespace, device: Any) -> calibration.CalibrationRec
     if found.doubts and not options.doubted:
         lead = f"calibration '{options.kind}' is doubted, and nothing is kept: {found.doubts[0]}"
         raise ItouchError(f"{lead}; measure again, or say with --doubted that it is right")
-    return _record(options, device, fit.days, found.residual, found.unit, len(samples), values=dict(found.values))
+    return _record(options, device, fit.valid_days, found.residual, found.unit, len(samples), values=dict(found.values))
 
 
 def _touch_off(options: argparse.Namespace, device: Any) -> calibration.CalibrationRecord:

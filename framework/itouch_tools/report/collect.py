@@ -156,8 +156,8 @@ def _summary(
         "table within (p99)": f"{tracking:.2f} mm" if _finite(tracking) else None,
     }
     for one in measured(model, contacts):
-        if one.worst and (sizes := _sizes(contacts, one.key)):
-            found[one.worst] = f"{one.scale * max(sizes):.{one.digits}f} {one.shown_unit}".rstrip()
+        if one.maximum_label and (sizes := _sizes(contacts, one.key)):
+            found[one.maximum_label] = f"{one.scale * max(sizes):.{one.digits}f} {one.shown_unit}".rstrip()
     return {name: value for name, value in found.items() if value is not None}
 
 

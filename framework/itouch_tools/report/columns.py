@@ -12,12 +12,12 @@ from itouch.world import Model
 
 #: The framework's own columns of a terminal's table: those before what modalities measured, and those after it.
 _WHEN = (
-    Measured("begin_s", "s", "when it began", head="begin s", digits=3),
-    Measured("end_s", "s", "when it ended", head="end s", digits=3),
+    Measured("begin_s", "s", "when it began", short_title="begin s", digits=3),
+    Measured("end_s", "s", "when it ended", short_title="end s", digits=3),
 )
 _HOW = (
-    Measured("peak_force_N", "N", "greatest force", head="peak N"),
-    Measured("plate_gap_mm", "mm", "virtual surface minus plate top", head="gap mm", digits=3),
+    Measured("peak_force_N", "N", "greatest force", short_title="peak N"),
+    Measured("plate_gap_mm", "mm", "virtual surface minus plate top", short_title="gap mm", digits=3),
 )
 
 
@@ -36,7 +36,7 @@ def rows(model: Model, contacts: Sequence[Mapping[str, Any]]) -> list[list[str]]
 
 
 def _row(entry: Mapping[str, Any], what: Iterable[str], shown: Iterable[Measured]) -> list[str]:
-    return [*(str(entry[key]) for key in what), *(one.told(entry.get(one.key)) for one in shown)]
+    return [*(str(entry[key]) for key in what), *(one.formatted(entry.get(one.key)) for one in shown)]
 
 
 def contact_summaries(model: Model, entry: Mapping[str, Any]) -> list[str]:
@@ -50,8 +50,8 @@ def shortcomings(model: Model | None, entry: Mapping[str, Any]) -> list[str]:
     found = ["the plate was missed"] if entry.get("plate_missed") else []
     found += ["the plate was withdrawn (T4)"] if entry.get("plate_withdrawn") else []
     for one in measured(model, [entry]):
-        if one.must is not None and entry.get(one.key) is not None and entry[one.key] != one.must:
-            found.append(one.otherwise)
+        if one.required_value is not None and entry.get(one.key) is not None and entry[one.key] != one.required_value:
+            found.append(one.failure_reason)
     return found
 
 

@@ -274,10 +274,10 @@ def _broken(entry: Mapping[str, Any], rules: Touching, measured: Sequence[Measur
     if rules.force is not None and abs(entry["peak_force_N"] - rules.force) > rules.tolerance:
         return f"force {entry['peak_force_N']:.2f} N was out of the window"
     for one in measured:
-        if one.broken(entry.get(one.key)):
-            return one.otherwise
+        if one.violated_by(entry.get(one.key)):
+            return one.failure_reason
     for one in measured:
-        error = entry.get(one.key) if one.error else None
+        error = entry.get(one.key) if one.relative_error else None
         if error is not None and error > rules.flux_error:
             return f"{one.title or one.key} {100.0 * error:.0f} %"
     return ""
@@ -285,4 +285,4 @@ def _broken(entry: Mapping[str, Any], rules: Touching, measured: Sequence[Measur
 
 def _tells(one: Measured) -> bool:
     """Tell whether a figure is kept for each touch: those shown of a contact, and those that decide if it counts."""
-    return not one.show or one.percent or one.error or one.must is not None
+    return not one.show or one.percent or one.relative_error or one.required_value is not None

@@ -170,7 +170,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         self._remote: Remote | None = None
         self._held = 0 if params.deadman == "none" else Buttons[params.deadman.upper()]
 
-    def make(self, *, safe: bool = False) -> Falcon:
+    def make_driver(self, *, safe: bool = False) -> Falcon:
         """Return the driver of the arm on this machine's bus, or on the USB/IP server."""
         p, backend = self.params, self.backend
         if backend is None and p.usbip:
@@ -191,7 +191,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         """
         if self.params.rotations != "locked":
             raise DeviceError('the arm cannot sense rotations: write rotations="locked"')
-        driver = self.make()
+        driver = self.make_driver()
         try:
             driver.open()
             if not driver.homed and not driver.read().valid:
@@ -224,7 +224,7 @@ class UsbArm(ImpedanceArm[Falcon]):
         found = self.opened().read()
         if not found.valid:
             raise NotHomed("the arm has lost its homing; home it again")
-        self.put(reading, found.position, bool(found.buttons & self._held))
+        self.write_reading(reading, found.position, bool(found.buttons & self._held))
         return True
 
     def make_safe(self, safe: Record) -> None:

@@ -187,7 +187,7 @@ def broken(clock: Clock, wire: Wire, chance: random.Random, slowest: float) -> s
             break
         finally:
             found |= {"a current waits"} if wire.sent[sent:][:1] != [asked] else set()
-        newer = told.moments()[0] - BEGIN - (read.plate - ROOM)
+        newer = told.measurement_times()[0] - BEGIN - (read.plate - ROOM)
         found |= {"said to be newer than it is"} if newer > USUAL + slowest + PROMPT else set()
         found |= {"another command's answer"} if abs(read.current - amps) > 1e-6 else set()
         clock.now += 5e-3

@@ -225,7 +225,7 @@ def newer(clock: Clock, rig: Rig, late: Late, exchanges: int = 300, **ages: floa
     for _ in range(exchanges):
         told.begin()
         read = rig.exchange(0.0, told)
-        moments = dict(zip(CHANNELS, told.moments(), strict=True))
+        moments = dict(zip(CHANNELS, told.measurement_times(), strict=True))
         passed = {
             "plate_temperature": read.plate - ROOM, "sink_temperature": read.sink - ROOM,
             "heat_flux": read.flux / 1e2, "skin_temperature": read.skin - ROOM,
@@ -360,7 +360,7 @@ def test_no_reading_of_a_film_is_said_to_be_newer_than_it_is(clock: Clock, late:
         clock.late = LATE[late] if late in LATE and number > 12 else in_time
         told.begin()
         film.read(reading)
-        moments = dict(zip((channel.name for channel in reads), told.moments(), strict=True))
+        moments = dict(zip((channel.name for channel in reads), told.measurement_times(), strict=True))
         passed = {
             "heat_flux": reading["heat_flux"].item() / 1e2, "wrench": -reading["wrench"][2],
             "film_temperature": reading["film_temperature"].item() - ROOM,

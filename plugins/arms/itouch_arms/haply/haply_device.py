@@ -58,7 +58,7 @@ class Haply(ImpedanceArm[Inverse3]):
     #: The service accepts a second connection, so another process can send zero force.
     opening = Opening(second_opener=True)
     emulation = Emulation(Emulator=HaplyEmulator)
-    harmless = (NotCalibrated, Refused)
+    errors_after_zero_force = (NotCalibrated, Refused)
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...]:
@@ -70,7 +70,7 @@ class Haply(ImpedanceArm[Inverse3]):
         """Name the arm behind its service: the service accepts commands from several clients."""
         return (f"arm {params.device} of the Inverse Service {params.service or SERVICE}",)
 
-    def make(self, *, safe: bool = False) -> Inverse3:
+    def make_driver(self, *, safe: bool = False) -> Inverse3:
         """Return the driver of the arm behind the service."""
         p = self.params
         return Inverse3(
@@ -89,7 +89,7 @@ class Haply(ImpedanceArm[Inverse3]):
         found = self.opened().read()
         if found is None:
             return False
-        self.put(reading, found.position, found.pressed)
+        self.write_reading(reading, found.position, found.pressed)
         return True
 
 

@@ -43,7 +43,7 @@ class OpenHaptics(ImpedanceArm[Phantom]):
     #: When a process dies, its copy of the library dies with it, and another process can open the arm without force.
     opening = Opening(second_opener=True)
     mechanics = Mechanics(max_stiffness=STIFFNESS, damping=0.0)
-    harmless = (NotCalibrated,)
+    errors_after_zero_force = (NotCalibrated,)
 
     @classmethod
     def discover(cls) -> tuple[Attached, ...]:
@@ -61,7 +61,7 @@ class OpenHaptics(ImpedanceArm[Phantom]):
         """Name the arm as OpenHaptics knows it."""
         return (f"OpenHaptics arm {params.name}".rstrip(),)
 
-    def make(self, *, safe: bool = False) -> Phantom:
+    def make_driver(self, *, safe: bool = False) -> Phantom:
         """Return the driver of the arm, not opened yet."""
         p = self.params
         return Phantom(
@@ -78,5 +78,5 @@ class OpenHaptics(ImpedanceArm[Phantom]):
             If frames stop, or the library reports an error.
         """
         found = self.opened().read()
-        self.put(reading, found.position, bool(found.buttons & _BUTTONS[self.params.deadman]))
+        self.write_reading(reading, found.position, bool(found.buttons & _BUTTONS[self.params.deadman]))
         return True

@@ -194,7 +194,7 @@ class TecDriver:
         """
         self._client.write_float(LIVE_CURRENT, current, self._instance)
         if stamps is not None:
-            stamps.left(ago=16 * self._byte())  # it had received the command when it began to acknowledge
+            stamps.command_sent(ago=16 * self._byte())  # it had received the command when it began to acknowledge
         self._flowing.ask(current)
         slow = (SINK_TEMPERATURE, STATUS, LIVE_ENABLE, LIVE_VOLTAGE)[self._count % 4]
         self._count += 1

@@ -105,7 +105,7 @@ class Names:
         for key, role in _OBEYS.items():
             channel = display.command(role)
             found[key] = f"{display.name}.command.{channel.name}" if channel is not None else ""
-        truths = {key: display.truth(role) for key, role in _TRUTHS.items()}
+        truths = {key: display.true_field(role) for key, role in _TRUTHS.items()}
         found |= {key: f"{display.name}.twin.{field}" if field else "" for key, field in truths.items()}
         found["truth"] = truths["true_flux"]
         found |= {key: f"{probe}.{key}" for key in _FINGER}

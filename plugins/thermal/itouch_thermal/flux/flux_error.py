@@ -43,16 +43,16 @@ MEASURED: tuple[Measured, ...] = (
              "skin K", role=Role.SKIN_TEMPERATURE),
     Measured(
         "flux_error_rms", "1", "rms of the flux error from 0.1 s on, as a share of the desired flux",
-        "flux error rms", "flux err", 1, percent=True, worst="greatest flux error (rms)",
-        error=True,
+        "flux error rms", "flux err", 1, percent=True, maximum_label="greatest flux error (rms)",
+        relative_error=True,
     ),
     Measured(
         "plate_ready", "1", "whether the plate was at its start temperature when it met the finger", show="no",
-        must=True, otherwise="the plate was not ready",
+        required_value=True, failure_reason="the plate was not ready",
     ),
     Measured(
         "plate_limited", "1", "whether the start temperature was outside the plate's band, and was clipped", show="no",
-        must=False, otherwise="the plate was limited",
+        required_value=False, failure_reason="the plate was limited",
     ),
 )  # fmt: skip
 

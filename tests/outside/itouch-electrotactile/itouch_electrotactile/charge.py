@@ -46,7 +46,7 @@ class Charge(Monitor):
             Field("mean", low=0.0, unit="A", doc="mean charge a second, over about a second"),
         )
 
-    def forget(self, state):
+    def clear_history(self, state):
         """Forget the mean; what the skin has got it keeps."""
         state["mean"] = 0.0
 
@@ -77,7 +77,7 @@ class Charge(Monitor):
         """Return the rule by its quantity: it has no number in the reference."""
         return {FAST: "mean charge a second", SPENT: "charge of a session", MORE: "current not asked for"}[code]
 
-    def spent(self, state):
+    def exhausted_budget(self, state):
         """Say that no more may be given."""
         return "has given the whole charge of a session" if state["given"].item() > MOST else ""
 
