@@ -103,10 +103,12 @@ def have_both_names(cls: type, old: str, new: str) -> str:
     str
         The name of the class that has it by its old name only; empty: there is nothing to tell.
     """
-    by_old, by_new = (next(kind for kind in cls.__mro__ if name in vars(kind)) for name in (old, new))
+    by_new = next(kind for kind in cls.__mro__ if new in vars(kind))
+    mine = (kind for kind in cls.__mro__ if not isinstance(vars(kind).get(old, _PASSED_ON), OldName))
+    by_old = next(mine, None)  # whoever has only passed on the new name has not defined the old one
     if by_old is by_new:  # inherited with both names, or written for both versions
         return ""
-    if cls.__mro__.index(by_old) < cls.__mro__.index(by_new):
+    if by_old is not None and cls.__mro__.index(by_old) < cls.__mro__.index(by_new):
         member = vars(by_old)[old]
         setattr(cls, new, member)
         if not isinstance(member, _METHODS):  # what an instance sets under one name, it must read under the other
@@ -199,6 +201,8 @@ class OldName:
         warnings.warn(said, DeprecationWarning, stacklevel=stacklevel)
 
 
+#: Stands for an old name that a class does not have.
+_PASSED_ON = OldName(object, "", "")
 #: What is called on an instance or a class; everything else that a class has is a value.
 _METHODS = (FunctionType, classmethod, staticmethod)
 

@@ -181,6 +181,16 @@ def test_a_group_with_an_old_name_beside_what_is_declared_alone_loses_nothing() 
     older = _made(Device, timing=Timing(blocking=True), waits=0.01)
     assert (older.blocking, older.command_wait) == (True, 0.01)
     assert any("timing = Timing(command_wait=...)" in one for one in _made(Device, command_wait=0.01).deprecations)
+    for _ in range(3):
+        older = _made(older)  # classes of classes, as a test or a campaign makes them
+        assert (older.blocking, older.command_wait) == (True, 0.01)
+    grouped = _made(_made(_made(_made(Device, timing=Timing(command_wait=0.03)))))
+    assert grouped.command_wait == 0.03 and not grouped.deprecations
+    for _ in range(3):
+        older = _made(older)  # classes of classes, as a test or a campaign makes them
+        assert (older.blocking, older.command_wait) == (True, 0.01)
+    grouped = _made(_made(_made(_made(Device, timing=Timing(command_wait=0.03)))))
+    assert grouped.command_wait == 0.03 and not grouped.deprecations
     newer = _made(older, timing=Timing(command_wait=0.02))
     assert newer.command_wait == 0.02
     with pytest.warns(DeprecationWarning, match="'waits' is 'command_wait' now: use that"):
