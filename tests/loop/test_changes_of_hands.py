@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -14,11 +15,12 @@ from shipped import SCENES
 from itouch import Session, build
 from itouch.loop import render
 from itouch.loop.surface import force, surface_memory
+from itouch_encountered import motion
 from itouch_evidence.surface import run
 from itouch_evidence.surface.course import Course, Floats, follow
 from itouch_evidence.surface.draw import draw
 from itouch_evidence.surface.edges import edge, rim
-from itouch_evidence.surface.laws import broken
+from itouch_evidence.surface.laws import broken, judge
 from itouch_evidence.surface.scenes import Slope, ball, ramp
 
 _part, _within, _lead = map(kernel_of, (force._part, force._within, force._lead))
@@ -89,6 +91,20 @@ def test_a_random_scene_keeps_a_law_that_it_once_broke(folder: Path, seed: int, 
     figures = run(number, seed, folder)["figures"]
     assert law in figures
     assert law not in broken(figures)
+
+
+@pytest.mark.parametrize("number", [3, 18])
+def test_a_plate_lands_softly_on_a_pad_whose_damping_acts_at_once(folder: Path, number: int) -> None:
+    """It came as fast as to any other pad: the damping of 3.8 N s/m gave up to 0.13 N in the first tick."""
+    _, scene = draw(number, 8181, folder)
+    figures = judge(follow(dataclasses.replace(scene, pad=(2000, 3.8)).build(folder)))
+    assert figures["step"] > 0.0
+    assert not broken(figures)
+
+
+def test_how_softly_a_plate_comes_depends_on_the_pad() -> None:
+    assert motion.landing_speed(1000.0, 2.0) == motion.landing_speed(300.0, 0.0) == motion.SOFTLY
+    assert motion.landing_speed(2000.0, 4.0) == pytest.approx(0.5 * motion.SOFTLY)
 
 
 def back_on_top(folder: Path, before: str, after: str) -> Session:

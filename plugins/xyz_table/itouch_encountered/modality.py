@@ -25,7 +25,7 @@ from itouch.plugin.bound import bound_once
 from itouch.plugin.carried_surfaces import ROOM, SLOPE_AHEAD
 from itouch_encountered.choosing import FAR, FAR_UNCALIBRATED
 from itouch_encountered.feed_forward import INERTIA_FIRST
-from itouch_encountered.motion import Numbers, Seen, carry
+from itouch_encountered.motion import Numbers, Seen, carry, landing_speed
 from itouch_encountered.over_wire import LAG_FIRST, Wire, look_over_wire
 from itouch_encountered.surface_fields import FIELDS, OVER_WIRE
 
@@ -93,8 +93,8 @@ class Encountered(Modality):
         speed = _limit(device, "speed")
         room = ROOM_WIRED if device.wire else ROOM
         numbers = _numbers(surface, radius, world.servo_period, force - room, speed, bool(load))._replace(
-            wire=device.wire
-        )
+            wire=device.wire, softly=landing_speed(surface.pad_stiffness, surface.pad_damping)
+        )  # fmt: skip
         place = next(i for i, channel in enumerate(device.reads) if channel.role is Role.TRACKED_POSE)
         return EncounteredModel(name, params.probe, device.name, goal.name, pose, load, numbers, place)
 

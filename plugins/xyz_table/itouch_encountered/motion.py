@@ -67,6 +67,9 @@ from itouch_encountered.surface_fields import (
 #: Speed relative to the finger [m/s] with which the surface leaves it or comes to it in a contact: while the surface
 #: may be felt, and while it is clear of the finger.
 SOFTLY, QUICKLY = 0.015, 0.1
+#: With what force [N] at most the surface meets a finger in the first millisecond as it comes to it: the pad's damping
+#: acts at once.  To a stiffer or more damped pad than usual it comes slower than `SOFTLY`.
+MEETS = 0.045
 #: How much faster it leaves a finger that comes down, for each m/s of the finger's speed: soon the finger may come down
 #: faster than the device can.
 FLEES = 0.25
@@ -126,7 +129,7 @@ class Numbers(NamedTuple):
     ``has_load``: whether the device measures force; ``reach``: how far the device goes in a tick; ``early``: how far
     below the finger a surface that is in truth too high may seem to be; ``ahead``: how many ticks ahead the slope is
     known; ``x``, ``y``, ``z``: position of the face in the frame whose pose the device reads; ``wire``: whether
-    readings come late, and not in every tick.
+    readings come late, and not in every tick; ``softly``: speed relative to the finger [m/s] with which it comes to it.
     """
 
     radius: float
@@ -145,6 +148,7 @@ class Numbers(NamedTuple):
     y: float
     z: float
     wire: bool = False
+    softly: float = SOFTLY
 
 
 class Seen(NamedTuple):
@@ -191,6 +195,11 @@ class Seen(NamedTuple):
     ready: Any
 
 
+def landing_speed(stiffness: float, damping: float) -> float:
+    """Return how fast a surface comes to a finger [m/s] whose pad has a stiffness [N/m] and damping [N s/m]."""
+    return min(SOFTLY, MEETS / (damping + 1e-3 * stiffness))
+
+
 @linked
 def _beside(c: Any, frame: Any) -> float:
     """Return how much higher than the face straight below it the finger's lowest point is when they touch [m].
@@ -231,7 +240,9 @@ def _come(
         return
     own[PRESS] = min(own[PRESS], last - level + sink * c.period + SLACK)
     if (own[BEHIND] if c.wire else own[PRESS] - depth) < WAITED_FOR:
-        pace = SOFTLY if felt else min(QUICKLY, max(SOFTLY, (-own[PRESS] - (MADE_WIRED if c.wire else MADE)) / MAKES))
+        pace = (
+            c.softly if felt else min(QUICKLY, max(c.softly, (-own[PRESS] - (MADE_WIRED if c.wire else MADE)) / MAKES))
+        )
         if felt:  # it goes on with the virtual surface, not with the finger
             left = max(0.0, goal - level - own[PRESS])
             pace = min(pace, climb - sink + math.sqrt(2.0 * EASES * left))
@@ -240,7 +251,7 @@ def _come(
             # The surface itself may be what turns the finger: it waits, but does not leave it, to come once more.
             slower = max(min(pace, 0.0), slower)
         elif own[PRESS] <= -NEXT:
-            slower = min(pace, max(SOFTLY, slower))
+            slower = min(pace, max(c.softly, slower))
         own[WAITED] += (pace - slower) * c.period
         own[PRESS] += slower * c.period
     if level + own[PRESS] >= goal:
