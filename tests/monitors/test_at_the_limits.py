@@ -903,6 +903,23 @@ def test_what_a_surface_may_rise_by_where_readings_are_late(pressed: float, said
     assert rise(nearing, pressed) == pytest.approx(found)
 
 
+@pytest.mark.parametrize("gap", [-1e-4, 3e-4, 6e-4, 8e-4])
+@pytest.mark.parametrize("stepped", [-0.015, 0.0, 0.007, 0.015])
+def test_a_step_in_which_an_arm_reads_is_no_faster_finger(gap: float, stepped: float) -> None:
+    """Each made an arm at its limit give up to 0.1 N less, or more, in that tick."""
+
+    def may(velocity: float, sink: float) -> float:
+        nearing = FingerAbove(
+            np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, velocity]), np.array([0.1 - 0.008 - gap]), np.zeros(1),
+            np.array([0.008, 1800.0, 3.5, 0.001]), sink=np.array([sink]),
+        )  # fmt: skip
+        return rise(nearing, 0.0)
+
+    assert may(-0.03 - stepped, -0.03) == pytest.approx(may(-0.03, -0.03))
+    assert may(-0.08, -0.03) == may(-0.08, math.nan) > may(-0.03, -0.03)  # a finger that dives is as fast as it is
+    assert may(-0.03, -0.03) >= may(-0.03, math.nan)  # never looser
+
+
 # --- words ----------------------------------------------------------------------------------------------------------
 
 WORDS = (

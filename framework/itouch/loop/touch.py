@@ -278,6 +278,7 @@ class ContactStep:
             figures[render.PLATE_TOP : render.PLATE_TOP + 1], self._rising,
             np.array([self.probe.scene.radius, surface.pad_stiffness, surface.pad_damping, self.model.period]),
             self._presses, surface_memory.estimated(self.surface),
+            self.surface[surface_memory.SINK : surface_memory.SINK + 1],
         )  # fmt: skip
 
     @property

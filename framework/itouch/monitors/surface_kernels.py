@@ -135,6 +135,9 @@ SOON, LATE = 5e-4, 2.0
 RAMP = 20.0
 #: A finger that hardly moves counts as closing in at this speed [m/s].
 SLOW = 0.02
+#: By how much a step in which an arm reads may change a finger's velocity [m/s]: 30 um in the 2 ms over which that is
+#: smoothed.
+STEPPED = 0.015
 
 
 #: Places in the pad of a finger, see `FingerAbove`; and in a row of the places where surface and finger were: when,
@@ -150,7 +153,8 @@ class FingerAbove(NamedTuple):
     ``pad`` (4,): radius [m] of the finger, stiffness [N/m] and damping [N s/m] of its pad, and the period [s];
     ``presses`` (1,): how hard the surface is said to press now [N], where readings are older; below 0: nothing is said.
     ``estimated`` (3,) [N]: rms of the noise of the surface's first force sensor, 0 where it is quiet; where it is not,
-    the force along its third axis with the noise averaged out, and how far the true one may be from that.
+    the force along its third axis with the noise averaged out, and how far the true one may be from that.  ``sink``
+    (1,): the finger's vertical velocity, smoothed for longer [m/s]; NaN: not known.
     """
 
     finger: Floats
@@ -160,6 +164,7 @@ class FingerAbove(NamedTuple):
     pad: Floats
     presses: Floats = np.full(1, -1.0)
     estimated: Floats = np.zeros(3)
+    sink: Floats = np.full(1, math.nan)
 
 
 #: Places in `FingerAbove.estimated`.
@@ -202,6 +207,10 @@ def rise(nearing: Any, pressed: float) -> float:
     since, unsure = said - pressed if said > pressed else 0.0, nearing.estimated[_UNSURE]
     if pressed + since > TOUCH + unsure:
         return float((UNSEEN_LATE if said >= 0.0 else UNSEEN) + unsure + stiffness * way + since)
+    # A step of the arm's reading is no faster finger: with the most that it may make, it makes no difference.
+    steadily = nearing.rising[0] - nearing.sink[0] + STEPPED
+    if steadily > closing:
+        closing, way = steadily, LATE * period * steadily
     beyond = nearing.finger[2] - radius - nearing.top[0] - SOON - way
     part = 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / (RAMP * period * max(closing, SLOW)))
     return float(part * (UNSEEN + unsure + stiffness * way + damping * closing))
