@@ -98,7 +98,7 @@ def test_no_server_is_no_arm() -> None:
 def test_what_listens_and_says_nothing_is_told_as_that() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         where = f"127.0.0.1:{server.getsockname()[1]}"
-        said = UsbArm.missing(UsbArmParams(usbip=where))
+        said = UsbArm.unavailable_reason(UsbArmParams(usbip=where))
         assert said == f"USB/IP server {where}: no answer in time: is a USB/IP server running there?"
 
 

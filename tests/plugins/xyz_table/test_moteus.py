@@ -384,6 +384,6 @@ def test_without_an_adaptor_it_is_told_before_anybody_holds_a_switch(monkeypatch
 
     attached: list[str] = []
     monkeypatch.setattr(FdcanusbDevice, "detect_fdcanusbs", lambda: attached)
-    assert XyzTable.missing(XyzTableParams()).startswith("no CAN-FD adaptor (fdcanusb) is attached")
+    assert XyzTable.unavailable_reason(XyzTableParams()).startswith("no CAN-FD adaptor (fdcanusb) is attached")
     attached.append("/dev/serial/by-id/usb-fdcanusb")
-    assert XyzTable.missing(XyzTableParams()) == ""
+    assert XyzTable.unavailable_reason(XyzTableParams()) == ""

@@ -343,11 +343,15 @@ def test_what_is_missing_is_told_with_what_to_do(quiet: Bench) -> None:
         device.open()
     with pytest.raises(DeviceError, match="cannot be opened"):
         XyzTable(XyzTableParams(bus="slcan:/dev/no-such-port")).open()
-    assert "there is nothing at '/dev/no-such" in XyzTable.missing(XyzTableParams(bus="slcan:/dev/no-such-port"))
-    assert XyzTable.missing(XyzTableParams(bus="slcan:/dev/ptmx@115200")) == ""  # the speed is not part of the place
-    assert "no network interface 'nocan7'" in XyzTable.missing(XyzTableParams(bus="socketcan:nocan7"))
-    assert XyzTable.missing(XyzTableParams(bus="socketcan:lo")) == ""
-    assert XyzTable.missing(XyzTableParams(bus="socketcan:")) == ""  # ODrive servos have no CAN-FD adaptor
+    assert "there is nothing at '/dev/no-such" in XyzTable.unavailable_reason(
+        XyzTableParams(bus="slcan:/dev/no-such-port")
+    )
+    assert (
+        XyzTable.unavailable_reason(XyzTableParams(bus="slcan:/dev/ptmx@115200")) == ""
+    )  # the speed is not part of the place
+    assert "no network interface 'nocan7'" in XyzTable.unavailable_reason(XyzTableParams(bus="socketcan:nocan7"))
+    assert XyzTable.unavailable_reason(XyzTableParams(bus="socketcan:lo")) == ""
+    assert XyzTable.unavailable_reason(XyzTableParams(bus="socketcan:")) == ""  # ODrive servos have no CAN-FD adaptor
     for wrong in ({"bus": "can0"}, {"bus": "socketcan:can0", "port": "/dev/ttyACM0"}):
         with pytest.raises(ValueError, match="bus"):
             XyzTableParams(**wrong)  # type: ignore[arg-type]

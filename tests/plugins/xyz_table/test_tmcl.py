@@ -409,7 +409,7 @@ def test_what_a_module_cannot_do_is_told(bench: Bench, more: dict[str, Any], wor
 def test_what_is_missing_is_told_with_what_to_do() -> None:
     with pytest.raises(DeviceError, match="cannot be opened"):
         XyzTable(XyzTableParams(tmcl="/dev/no-such-port")).open()
-    assert "there is nothing at '/dev/no-such" in XyzTable.missing(XyzTableParams(tmcl="/dev/no-such-port"))
+    assert "there is nothing at '/dev/no-such" in XyzTable.unavailable_reason(XyzTableParams(tmcl="/dev/no-such-port"))
     for wrong in ({"tmcl": "/dev/null", "port": "/dev/null"}, {"tmcl": "/dev/null", "motors": (0.0, 0.0, 1.0)}):
         with pytest.raises(ValueError, match="write one of them|three different"):
             XyzTableParams(**wrong)  # type: ignore[arg-type]
@@ -422,14 +422,14 @@ def test_a_port_that_is_none_or_not_ours_is_told_before_anybody_holds_a_switch(
 ) -> None:
     terminal = Terminal()
     (tmp_path / "notes.txt").touch()
-    assert XyzTable.missing(XyzTableParams(tmcl=str(tmp_path / "notes.txt"))).endswith(
+    assert XyzTable.unavailable_reason(XyzTableParams(tmcl=str(tmp_path / "notes.txt"))).endswith(
         "notes.txt' is not a serial port"
     )
-    assert XyzTable.missing(XyzTableParams(port="/dev/null")) == "'/dev/null' is not a serial port"
+    assert XyzTable.unavailable_reason(XyzTableParams(port="/dev/null")) == "'/dev/null' is not a serial port"
     ours = XyzTableParams(tmcl=terminal.path)
-    assert XyzTable.missing(ours) == ""
+    assert XyzTable.unavailable_reason(ours) == ""
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # who runs the tests may be root
-    assert "you may not open" in XyzTable.missing(ours)
+    assert "you may not open" in XyzTable.unavailable_reason(ours)
     terminal.close()
 
 
