@@ -903,8 +903,8 @@ def test_what_a_surface_may_rise_by_where_readings_are_late(pressed: float, said
     assert rise(nearing, pressed) == pytest.approx(found)
 
 
-@pytest.mark.parametrize("gap", [-1e-4, 3e-4, 6e-4, 8e-4])
-@pytest.mark.parametrize("stepped", [-0.015, 0.0, 0.007, 0.015])
+@pytest.mark.parametrize("gap", [-1e-4, 3e-4])
+@pytest.mark.parametrize("stepped", [-0.008, 0.0, 0.004, 0.008])
 def test_a_step_in_which_an_arm_reads_is_no_faster_finger(gap: float, stepped: float) -> None:
     """Each made an arm at its limit give up to 0.1 N less, or more, in that tick."""
 

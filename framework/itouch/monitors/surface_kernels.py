@@ -136,7 +136,7 @@ RAMP = 20.0
 #: A finger that hardly moves counts as closing in at this speed [m/s].
 SLOW = 0.02
 #: By how much a step in which an arm reads may change a finger's velocity [m/s]: 30 um in the 2 ms over which that is
-#: smoothed.
+#: smoothed.  No more of it is allowed for than makes UNSEEN: an arm that lets go of more lets the finger fall.
 STEPPED = 0.015
 
 
@@ -207,12 +207,13 @@ def rise(nearing: Any, pressed: float) -> float:
     since, unsure = said - pressed if said > pressed else 0.0, nearing.estimated[_UNSURE]
     if pressed + since > TOUCH + unsure:
         return float((UNSEEN_LATE if said >= 0.0 else UNSEEN) + unsure + stiffness * way + since)
-    # A step of the arm's reading is no faster finger: with the most that it may make, it makes no difference.
-    steadily = nearing.rising[0] - nearing.sink[0] + STEPPED
-    if steadily > closing:
-        closing, way = steadily, LATE * period * steadily
     beyond = nearing.finger[2] - radius - nearing.top[0] - SOON - way
     part = 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / (RAMP * period * max(closing, SLOW)))
+    # A step of the arm's reading is no faster finger: with the most that it may make, it makes no difference.
+    stepped = min(STEPPED, UNSEEN / (damping + LATE * period * stiffness))
+    steadily = nearing.rising[0] - nearing.sink[0] + stepped
+    if steadily > closing:
+        closing, way = steadily, LATE * period * steadily
     return float(part * (UNSEEN + unsure + stiffness * way + damping * closing))
 
 
