@@ -13,7 +13,6 @@ from shipped import SCENES
 
 from itouch.loop import render
 from itouch.loop.surface import force_estimate, surface_memory
-from itouch.monitors.surface_kernels import FingerAbove, Load, pressed_by, rise
 from itouch_evidence.surface import run
 from itouch_evidence.surface.course import Floats, follow
 from itouch_evidence.surface.draw import draw
@@ -154,35 +153,3 @@ def test_a_plate_that_is_too_low_is_missed_as_soon_with_a_loud_sensor(folder: Pa
     assert virtual.min() > 0.1
     assert total == pytest.approx(virtual, rel=0.02)
     assert len([notice for notice in course.report["notices"] if "should have been felt" in notice]) == 1
-
-
-def load(*reading: float) -> Load:
-    """Return the reading of one sensor: forces [N], and torques [N m] that count."""
-    return Load(np.array([*reading]), np.array([0]), np.array([[3, 4, 5]]), np.array([0.1]))
-
-
-@pytest.mark.parametrize(
-    ("reading", "estimated", "found"),
-    [((0.3, 0.0, -0.4, 0, 0, 0), (0.0, 0.0, 0.0), 0.5), ((0.0, 0.0, 0.05, 0, 0, 0), (0.02, 0.0, 0.02), 0.0),
-     ((0.3, 0.0, -0.1, 0, 0, 0), (0.02, 0.4, 0.02), 0.5), ((0.0, 0.0, -0.1, 0.07, 0, 0), (0.02, 0.0, 0.02), 0.7)],
-)  # fmt: skip
-def test_an_arm_makes_room_for_a_force_without_its_noise(
-    reading: tuple[float, ...], estimated: tuple[float, ...], found: float
-) -> None:
-    nearing = FingerAbove(
-        np.array([0.0, 0.0, 0.1]), np.zeros(3), np.array([0.05]), np.zeros(1), np.array([0.008, PAD, 2.0, 0.001]),
-        estimated=np.array(estimated),
-    )  # fmt: skip
-    assert pressed_by(load(*reading), nearing) == pytest.approx(found)
-
-
-@pytest.mark.parametrize(
-    ("gap", "pressed", "found"),
-    [(4e-2, 0.06, 0.0), (4e-2, 0.08, 0.06 + 0.04), (0.0, 0.5, 0.06 + 0.04), (0.0, 0.0, 0.06 + 0.04)],
-)
-def test_it_makes_room_for_what_the_estimate_may_be_wrong_by(gap: float, pressed: float, found: float) -> None:
-    nearing = FingerAbove(
-        np.array([0.0, 0.0, 0.1]), np.zeros(3), np.array([0.1 - 0.008 - gap]), np.zeros(1),
-        np.array([0.008, PAD, 2.0, 0.001]), estimated=np.array([0.04, pressed, 0.04]),
-    )  # fmt: skip
-    assert rise(nearing, pressed) == pytest.approx(found)

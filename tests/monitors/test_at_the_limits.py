@@ -33,7 +33,7 @@ from itouch.monitors.default_limits import DeviceLimits
 from itouch.monitors.heat import History
 from itouch.monitors.runaway import Runaway, drive_of
 from itouch.monitors.runaway_kernels import Look
-from itouch.monitors.surface_kernels import FingerAbove, Load, SurfaceObservation, felt, rise
+from itouch.monitors.surface_kernels import FingerAbove, Load, SurfaceObservation, felt, pressed_by, rise
 from itouch.monitors.thresholds import COLDEST_TARGET, LAG, PART, PARTS, READINGS, RUNAWAY_TIME, WINDOW
 from itouch.plugin import (
     Channel,
@@ -918,6 +918,38 @@ def test_a_step_in_which_an_arm_reads_is_no_faster_finger(gap: float, stepped: f
     assert may(-0.03 - stepped, -0.03) == pytest.approx(may(-0.03, -0.03))
     assert may(-0.08, -0.03) == may(-0.08, math.nan) > may(-0.03, -0.03)  # a finger that dives is as fast as it is
     assert may(-0.03, -0.03) >= may(-0.03, math.nan)  # never looser
+
+
+def _loud(*reading: float) -> Load:
+    """Return the reading of one sensor: forces [N], and torques [N m], of which the first two count."""
+    return Load(np.array([*reading]), np.array([0]), np.array([[3, 4, -1]]), np.array([0.1]))
+
+
+@pytest.mark.parametrize(
+    ("reading", "estimated", "found"),
+    [((0.3, 0.0, -0.4, 0, 0, 0), (0.0, 0.0, 0.0), 0.5), ((0.0, 0.0, 0.05, 0, 0, 0), (0.02, 0.0, 0.02), 0.0),
+     ((0.3, 0.0, -0.1, 0, 0, 0), (0.02, 0.4, 0.02), 0.5), ((0.0, 0.0, -0.1, 0.07, 0, 0.2), (0.02, 0.0, 0.02), 0.7)],
+)  # fmt: skip
+def test_an_arm_makes_room_for_a_force_without_its_noise(
+    reading: tuple[float, ...], estimated: tuple[float, ...], found: float
+) -> None:
+    nearing = FingerAbove(
+        np.array([0.0, 0.0, 0.1]), np.zeros(3), np.array([0.05]), np.zeros(1), np.array([0.008, 1000.0, 2.0, 0.001]),
+        estimated=np.array(estimated),
+    )  # fmt: skip
+    assert pressed_by(_loud(*reading), nearing) == pytest.approx(found)
+
+
+@pytest.mark.parametrize(
+    ("gap", "pressed", "found"),
+    [(4e-2, 0.06, 0.0), (4e-2, 0.08, 0.06 + 0.04), (0.0, 0.5, 0.06 + 0.04), (0.0, 0.0, 0.06 + 0.04)],
+)
+def test_it_makes_room_for_what_the_estimate_may_be_wrong_by(gap: float, pressed: float, found: float) -> None:
+    nearing = FingerAbove(
+        np.array([0.0, 0.0, 0.1]), np.zeros(3), np.array([0.1 - 0.008 - gap]), np.zeros(1),
+        np.array([0.008, 1000.0, 2.0, 0.001]), estimated=np.array([0.04, pressed, 0.04]),
+    )  # fmt: skip
+    assert rise(nearing, pressed) == pytest.approx(found)
 
 
 # --- words ----------------------------------------------------------------------------------------------------------

@@ -204,9 +204,8 @@ def _felt(table: Gate, near: FingerAbove | None = None) -> float:
     0: nothing watches it.
     """
     post: InstalledMonitor | None = table.device_monitors.surface
-    if post is None or not isinstance(post.monitor, Surface):
-        return 0.0
-    return post.monitor.felt(table.device_monitors.seen, near)
+    monitor = post.monitor if post is not None else None
+    return monitor.felt(table.device_monitors.seen, near) if isinstance(monitor, Surface) else 0.0
 
 
 def _acts(one: Gate, post: InstalledMonitor, withdrawn: bool) -> bool:
