@@ -101,6 +101,18 @@ def test_an_arm_leaves_what_surfaces_may_press_with_next() -> None:
     assert push(devices[0], 3.0) == pytest.approx(3.0 - 1.16)
 
 
+def test_an_arm_leaves_no_room_for_the_noise_of_a_loud_sensor() -> None:
+    _, devices, _ = hand({"arm": ARM, "one": TABLE})
+    far = FingerAbove(
+        np.array([0.0, 0.0, 0.1]), np.zeros(3), np.zeros(1), np.zeros(1), np.array([0.008, 1000.0, 2.0, PERIOD]),
+        estimated=np.array([0.04, 0.0, 0.04]),
+    )  # fmt: skip
+    finger = Finger("tip", [one.gate for one in devices], {"one": far})
+    press(devices[1], 0.1)
+    assert finger.pressed() == pytest.approx(0.1)  # by which two surfaces together trip
+    assert finger.taken() == 0.0
+
+
 def test_the_scenes_force_is_that_of_all_together() -> None:
     limits = dataclasses.replace(LIMITS, finger_force=1.0)
     _, (arm, table), finger = hand({"arm": ARM, "table": TABLE}, limits)
