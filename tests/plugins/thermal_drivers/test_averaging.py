@@ -207,7 +207,9 @@ def test_what_the_sampling_converter_cannot_do_is_refused() -> None:
 def test_an_exchange_lasts_as_long_as_its_samples() -> None:
     def takes(averaging: float, session_baud: int = 0) -> float:
         sensors = LabJack(host="h", averaging=averaging, flux_sensor=SENSOR)
-        return ThermalDisplay.takes(DisplayParams(mecom=Mecom(port="p", session_baud=session_baud), labjack=sensors))
+        return ThermalDisplay.exchange_time_for(
+            DisplayParams(mecom=Mecom(port="p", session_baud=session_baud), labjack=sensors)
+        )
 
     assert takes(0.0) == takes(10e-3) == 0.02
     assert takes(20e-3) == pytest.approx(0.022)

@@ -35,14 +35,14 @@ def rig(tmp_path: Path) -> tuple[Session, VirtualFalcon]:
     assert isinstance(params, UsbArmParams)
     device = UsbArm(params)
     device.backend = VirtualBackend(virtual)
-    make = device.make
+    make = device.make_driver
 
     def on_virtual_time(*, safe: bool = False) -> Falcon:
         driver = make(safe=safe)
         driver._clock = virtual.time.now
         return driver
 
-    device.make = on_virtual_time  # type: ignore[method-assign]
+    device.make_driver = on_virtual_time  # type: ignore[method-assign]
     session.runners[0].gate.device = EveryNth(device, 1)
     return session, virtual
 

@@ -29,8 +29,8 @@ def rigged(tmp_path: Path, **params: Any) -> tuple[UsbArm, VirtualFalcon, Virtua
     file.write_bytes(IMAGE)
     arm = UsbArm(UsbArmParams(firmware=str(file), **params))
     arm.backend = VirtualBackend(virtual)
-    made = arm.make
-    arm.make = lambda *, safe=False: on_clock(made(safe=safe), time)  # type: ignore[method-assign]
+    made = arm.make_driver
+    arm.make_driver = lambda *, safe=False: on_clock(made(safe=safe), time)  # type: ignore[method-assign]
     return arm, virtual, time
 
 
@@ -129,8 +129,8 @@ def test_a_second_process_takes_the_force_away(tmp_path: Path) -> None:
     assert virtual.mechanics.motors != (0, 0, 0)
     other = UsbArm(UsbArmParams())
     other.backend = arm.backend
-    made = other.make
-    other.make = lambda *, safe=False: on_clock(made(safe=safe), time)  # type: ignore[method-assign]
+    made = other.make_driver
+    other.make_driver = lambda *, safe=False: on_clock(made(safe=safe), time)  # type: ignore[method-assign]
     other.make_safe(command)
     assert virtual.mechanics.motors == (0, 0, 0)
     assert virtual.homed == (True, True, True)
