@@ -55,11 +55,11 @@ def test_what_a_modality_does_not_say_of_its_surface_is_as_it_was_read(
     monkeypatch.setattr(
         probe_steps, "plate", SimpleNamespace(foresee=lambda c, table, figures, kept, *of: told.extend(of))
     )
-    own: Any = SimpleNamespace(c=None, figures=None, kept=None)
+    own: Any = SimpleNamespace(c=None, figures=None, kept=np.zeros(at.MEMORY))
     objects: Any = SimpleNamespace(world=None, mesh=None, poses=None, twists=None)
     below, read = np.zeros(1, np.int64), np.array((0.0, 0.0, -1.5, 0.0, 0.0, 0.0))
     parts = np.zeros(7), read, np.array([presses]), np.array([risen]), below, np.zeros(3), np.zeros(3), np.zeros(3)
-    assert python_of(probe_steps.look_below)(own, objects, *parts) == 0
+    assert python_of(probe_steps.look_below)(own, objects, *parts, False) == 0
     assert (told, below.tolist()) == ([load, higher], [3])
 
 
