@@ -920,6 +920,13 @@ def test_a_step_in_which_an_arm_reads_is_no_faster_finger(gap: float, stepped: f
     assert may(-0.03, -0.03) >= may(-0.03, math.nan)  # never looser
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_force_that_is_not_a_number_hides_no_torque(axis: int) -> None:
+    reading = np.array([0.0, 0.0, 0.0, 0.07, 0.0, 0.0])
+    reading[axis] = math.nan
+    assert felt(Load(reading, np.array([0]), np.array([[3, 4, 5]]), np.array([0.1]))) == pytest.approx(0.7)
+
+
 def _loud(*reading: float) -> Load:
     """Return the reading of one sensor: forces [N], and torques [N m], of which the first two count."""
     return Load(np.array([*reading]), np.array([0]), np.array([[3, 4, -1]]), np.array([0.1]))

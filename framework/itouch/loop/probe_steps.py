@@ -69,7 +69,7 @@ class Carrier(NamedTuple):
 
 
 class StatedSurface(NamedTuple):
-    """What a modality says of the surface that it carries, (1,) each: 0 or 1, lengths [m]; see `Carries`."""
+    """What a modality says of the surface that it carries, (1,) each: 0 or 1, lengths [m]; see `SurfaceFields`."""
 
     renders: Any
     present: Any
@@ -133,9 +133,9 @@ def look_below(
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its index.
 
     ``table`` (7,) and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m];
-    ``presses`` and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.Carries`; ``down``,
-    ``normal`` and ``start`` (3,) as in `ground.find`; ``fresh``: whether each tick has its own readings.  ``below``,
-    ``figures`` and ``kept`` are written.
+    ``presses`` and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.SurfaceFields`;
+    ``down``, ``normal`` and ``start`` (3,) as in `ground.find`; ``fresh``: whether each tick has its own readings.
+    ``below``, ``figures`` and ``kept`` are written.
     """
     c, figures, kept = own.c, own.figures, own.kept
     world, mesh, poses, twists = objects.world, objects.mesh, objects.poses, objects.twists

@@ -109,6 +109,20 @@ def size(vector: Floats) -> float:
 
 
 @kernel
+def _greater(load: Any, k: int, third: float, most: float) -> float:
+    """Return ``most`` [N] or the force [N] by sensor ``k`` with ``third`` [N] along its third axis, if that is greater.
+
+    A torque counts as a force, too, also beside a force that is not a number.
+    """
+    begin, square = load.sensors[k], 0.0
+    for i in range(3):
+        if load.torques[k, i] >= 0:
+            square += load.reading[load.torques[k, i]] ** 2
+    x, y = load.reading[begin], load.reading[begin + 1]
+    return float(max(most, math.sqrt(x * x + y * y + third * third), math.sqrt(square) / load.lever[0]))
+
+
+@kernel
 def felt(load: Any) -> float:
     """Return the magnitude of the force [N] on the surface, by the sensor that reads most.
 
@@ -116,11 +130,7 @@ def felt(load: Any) -> float:
     """
     most = 0.0
     for k in range(len(load.sensors)):
-        begin, square = load.sensors[k], 0.0
-        for i in range(3):
-            if load.torques[k, i] >= 0:
-                square += load.reading[load.torques[k, i]] ** 2
-        most = max(most, size(load.reading[begin : begin + 3]), math.sqrt(square) / load.lever[0])
+        most = _greater(load, k, load.reading[load.sensors[k] + 2], most)
     return float(most)
 
 
@@ -182,13 +192,8 @@ def pressed_by(load: Any, nearing: Any) -> float:
         return float(felt(load))
     most = 0.0
     for k in range(len(load.sensors)):
-        begin, square = load.sensors[k], 0.0
-        for i in range(3):
-            if load.torques[k, i] >= 0:
-                square += load.reading[load.torques[k, i]] ** 2
-        third = nearing.estimated[_BORNE] if k == 0 else load.reading[begin + 2]
-        force = math.sqrt(load.reading[begin] ** 2 + load.reading[begin + 1] ** 2 + third**2)
-        most = max(most, force, math.sqrt(square) / load.lever[0])
+        third = nearing.estimated[_BORNE] if k == 0 else load.reading[load.sensors[k] + 2]
+        most = _greater(load, k, third, most)
     return float(most)
 
 
