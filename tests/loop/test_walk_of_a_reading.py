@@ -136,7 +136,7 @@ def test_no_other_rows_of_the_tick_decide_on_the_way(traced: dict[str, list[list
     """What is called of safety, monitors and loop beside them is run by the plan for other steps, or decides nothing."""
     beside = {
         "loop/engine.py", "loop/clock.py", "loop/tick_step.py", "loop/steps.py", "loop/timing.py",  # run the plan
-        "loop/surface/ground.py", "monitors/surface_kernels.py", "safety/latch.py", "safety/device_link.py",  # asked by a row
+        "loop/surface/ground.py", "safety/latch.py", "safety/device_link.py",  # asked by a row
         "loop/surface/force_estimate.py",  # asked how hard a surface is felt, of which there is none
         "loop/probe_steps.py",  # decides what is left to Python
         "loop/contact_log.py", "safety/hold_to_run.py",  # another step's

@@ -15,7 +15,6 @@ from itouch.loop.run_statistics import RunStatistics
 from itouch.loop.touch import ContactStep
 from itouch.loop.touchoff import TOO_HIGH, UNFELT, TouchOff
 from itouch.monitors import Surface
-from itouch.monitors.surface_kernels import size
 from itouch.plugin import Bound, Record, Role, TwinInputs, poses
 from itouch.schema.hold_until import Until
 from itouch.twin.finger_coupling import Coupling
@@ -290,7 +289,7 @@ class ProbeRig:
         """Tell the monitors of an arm or a table where the finger is and how fast; ``counting``: scripts run."""
         figures, moment = self._figures, runner.gate.device_monitors.moment
         if self.moves(runner):  # also an arm whose force a modality commands
-            moment.speed = size(figures[render.VELOCITY : render.VELOCITY + 3])
+            moment.speed = render.size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             distance = figures[render.TRACKING].item()
             moment.tracking_error = runner.gate.acquisition.strayed(distance)

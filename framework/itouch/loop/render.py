@@ -46,6 +46,12 @@ CONSTANTS = _constants.width
 
 
 @kernel
+def size(vector: Floats) -> float:
+    """Return the length of a vector (3,), in its unit."""
+    return float(math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]))
+
+
+@kernel
 def follow(c: Floats, tracker: Floats, figures: Floats, afresh: Any, tick: Any) -> int:
     """Take the tracker's position as the HIP, and filter its velocity, which stays as it is in the first tick.
 

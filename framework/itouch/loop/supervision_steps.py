@@ -17,7 +17,7 @@ from itouch.compiling import kernel
 from itouch.joining import SKIP
 from itouch.loop.device_runner import Runner
 from itouch.loop.probe_rig import ProbeRig
-from itouch.loop.render import TABLE
+from itouch.loop.render import TABLE, size
 from itouch.loop.run_statistics import Counts, counted
 from itouch.monitors import Arm, Surface
 from itouch.monitors.arm_kernels import Pushing, check
@@ -30,7 +30,6 @@ from itouch.monitors.surface_kernels import (
     count,
     pressed_by,
     rise,
-    size,
 )
 from itouch.monitors.surface_kernels import check as watch
 from itouch.monitors.thresholds import TOUCH_FORCE

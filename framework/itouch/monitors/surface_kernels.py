@@ -103,12 +103,6 @@ class SurfaceObservation(NamedTuple):
 
 
 @kernel
-def size(vector: Floats) -> float:
-    """Return the length of a vector (3,), in its unit."""
-    return float(math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]))
-
-
-@kernel
 def _greater(load: Any, k: int, third: float, most: float) -> float:
     """Return ``most`` [N] or the force [N] by sensor ``k`` with ``third`` [N] along its third axis, if that is greater.
 
