@@ -171,21 +171,13 @@ def look_below(rig: ProbeRig) -> Step:
     """Find the virtual surface below the finger, for the modality that carries one to it."""
     name = rig.probe.name
     kept = (
-        "upright",
-        "climb",
-        "level",
-        "sink",
-        "acceleration",
-        "off",
-        "goes_x",
-        "goes_y",
-        "lifts",
-        "slope_x",
-        "slope_y",
-        "turns",
-        "hastens",
-    )
-    surface = tuple(f"{name}.surface.{field}" for field in kept)
+        "upright", "climb", "level", "sink", "acceleration", "off", "goes_x", "goes_y", "lifts", "slope_x", "slope_y",
+        "turns", "hastens",
+    )  # fmt: skip
+    estimated = (
+        "variance", "heard", "read_last", "read_before", "depth", "averaged", "loud", "borne", "unsure",
+    )  # fmt: skip
+    surface = tuple(f"{name}.surface.{field}" for field in (*kept, *estimated))
     written = (*_of(name, "surface_height", "below"), *surface)
     figures = _of(name, "hip", "velocity", "proxy", "normal", "penetration")
     reads = (*figures, "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
@@ -218,7 +210,10 @@ def _surface_fields(rig: ProbeRig) -> tuple[tuple[str, ...], tuple[str, ...], tu
     if rig.table is not None and rig.table.model.wire:
         figures += _of(name, "rising.*")
     reads = (*figures, *_of(name, "normal_force", "hip", "object", "contact.object"))
-    reads += tuple(f"{name}.surface.{field}" for field in ("climb", "level", "sink", "acceleration", "off"))
+    reads += tuple(
+        f"{name}.surface.{field}" for field in ("climb", "level", "sink", "acceleration", "off", "loud", "borne")
+    )
+    reads += (f"{name}.surface.averaged",)  # by touch-off
     reads += _of(table, "touch_off.*", "calibration", "surface.*")
     reads += _of(table, "measured") if rig.table is not None else ()
     reads += _roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE)
@@ -408,6 +403,7 @@ def share(
         f"{name}.{field}" for name in names for field in ("heat*", "sent.*", "touched", "status", "surface.*")
     )
     reads += ("*.hip", "*.velocity", "*.plate_top")
+    reads += tuple(f"*.surface.{field}" for field in ("sink", "loud", "borne", "unsure"))
     reads += tuple(field for rig in rigs if rig.table in devices for field in rig.contact_step.newer)
     written = tuple(f"{name}.surface.*" for name in names)
     bound = bound_together(finger, state, period)
