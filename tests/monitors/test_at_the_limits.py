@@ -522,21 +522,21 @@ def test_a_surface_trips_above_five_newton(load: float, found: float) -> None:
 
 
 def looked(
-    seconds: float = 0.0, strayed: float = 0.0, gap: float = 0.0, calibrated: bool = False
+    seconds: float = 0.0, tracking_error: float = 0.0, gap: float = 0.0, calibrated: bool = False
 ) -> SurfaceObservation:
     """Return a look at a surface after a second."""
-    return SurfaceObservation(1.0, 1.0, seconds, strayed, gap, calibrated)
+    return SurfaceObservation(1.0, 1.0, seconds, tracking_error, gap, calibrated)
 
 
 def test_a_surface_may_be_astray_for_a_tenth_of_a_second() -> None:
     monitor, memory = made(Surface, TABLE)
     kept = monitor.memory(memory)
-    assert not surface_kernels._astray(kept, looked(strayed=0.005, seconds=9.0))
+    assert not surface_kernels._astray(kept, looked(tracking_error=0.005, seconds=9.0))
     for _ in range(10):
-        assert not surface_kernels._astray(kept, looked(strayed=0.0051, seconds=0.01))
+        assert not surface_kernels._astray(kept, looked(tracking_error=0.0051, seconds=0.01))
     assert memory["strayed_for"].item() == pytest.approx(0.1)
-    assert surface_kernels._astray(kept, looked(strayed=0.0051, seconds=0.0001))
-    assert not surface_kernels._astray(kept, looked(strayed=math.nan, seconds=9.0))
+    assert surface_kernels._astray(kept, looked(tracking_error=0.0051, seconds=0.0001))
+    assert not surface_kernels._astray(kept, looked(tracking_error=math.nan, seconds=9.0))
     assert memory["strayed_for"].item() == 0.0
 
 
@@ -547,25 +547,25 @@ def test_a_surface_behind_a_wire_is_astray_from_where_it_was_sent_when_it_was_me
     table = Supervised(one, data, PERIOD, twin=FakeTwin())
     table.reading["pose"][:3] = 0.0, 0.003, 0.020
     table.gate.acquisition._measured[...] = 100
-    assert table.gate.acquisition.strayed(0.5) == 0.5
+    assert table.gate.acquisition.tracking_error(0.5) == 0.5
     for left, height in ((60, 0.030), (80, 0.024), (101, 0.010)):
         table.gate.acquisition._out["pose_target"][2] = height
         table.gate.acquisition.departures.note(left)
-    assert table.gate.acquisition.strayed(0.5) == pytest.approx(0.005)
+    assert table.gate.acquisition.tracking_error(0.5) == pytest.approx(0.005)
     table.gate.acquisition._measured[...] = 79
-    assert table.gate.acquisition.strayed(0.5) == pytest.approx(math.hypot(0.003, 0.010))
+    assert table.gate.acquisition.tracking_error(0.5) == pytest.approx(math.hypot(0.003, 0.010))
     table.gate.acquisition._measured[...] = 59
-    assert table.gate.acquisition.strayed(0.5) == 0.5
+    assert table.gate.acquisition.tracking_error(0.5) == 0.5
     for left in range(200, 300):  # what left long ago is forgotten
         table.gate.acquisition._out["pose_target"][2] = 0.020
         table.gate.acquisition.departures.note(left)
     table.gate.acquisition._measured[...] = 150
-    assert table.gate.acquisition.strayed(0.5) == 0.5
+    assert table.gate.acquisition.tracking_error(0.5) == 0.5
     table.gate.acquisition._measured[...] = 400
-    assert table.gate.acquisition.strayed(0.5) == pytest.approx(0.003)
+    assert table.gate.acquisition.tracking_error(0.5) == pytest.approx(0.003)
     other = Supervised(model(TABLE, twin=True), state(model(TABLE, twin=True)), PERIOD, twin=FakeTwin())
     other.gate.acquisition.departures.note(3)
-    assert other.gate.acquisition.strayed(0.25) == 0.25  # no wire
+    assert other.gate.acquisition.tracking_error(0.25) == 0.25  # no wire
 
 
 def test_the_clock_of_contact_at_its_limits() -> None:

@@ -26,7 +26,7 @@ class Table(Asked):
         self.moment.now = self.moment.time = -PERIOD
 
     def say(
-        self, *, place: tuple[float, float, float] = (0.0, 0.0, 0.03), load: float = 0.0, strayed: float = 0.0,
+        self, *, place: tuple[float, float, float] = (0.0, 0.0, 0.03), load: float = 0.0, tracking_error: float = 0.0,
         gap: float = 0.05, calibrated: bool = True, finger: tuple[float, float, float] = (0.0, 0.0, 0.0),
         side: float = 0.0, seconds: float = PERIOD,
     ) -> bool | None:  # fmt: skip
@@ -34,7 +34,7 @@ class Table(Asked):
         if "wrench" in self.reading:
             self.reading["wrench"][:3] = (side, 0.0, load)
         moment = self.moment
-        moment.tracking_error, moment.gap, moment.calibrated, moment.finger = strayed, gap, calibrated, finger
+        moment.tracking_error, moment.gap, moment.calibrated, moment.finger = tracking_error, gap, calibrated, finger
         self.check(seconds)
         self.tick += 1
         if self.state["looked"].item() != moment.now:
@@ -68,18 +68,18 @@ class Table(Asked):
 
 def test_a_surface_far_from_its_command_for_long_trips() -> None:
     surface = Table()
-    trip, after = surface.until_trip(200, strayed=0.0051)
+    trip, after = surface.until_trip(200, tracking_error=0.0051)
     assert (trip, after) == (Trip.TRACKING, pytest.approx(0.101))
     assert surface.words == "is 5.1 mm from its command"
-    assert Table().until_trip(200, strayed=0.005)[0] is Trip.NONE
+    assert Table().until_trip(200, tracking_error=0.005)[0] is Trip.NONE
 
 
 def test_coming_back_to_the_command_counts_anew() -> None:
     surface = Table()
     for _ in range(3):
         for _ in range(100):
-            surface.say(strayed=0.006)
-        surface.say(strayed=0.004)
+            surface.say(tracking_error=0.006)
+        surface.say(tracking_error=0.004)
         assert surface.state["strayed_for"].item() == 0.0
 
 
@@ -285,7 +285,7 @@ def test_how_fast_it_may_close_in() -> None:
 def test_forgetting() -> None:
     surface = Table(dataclasses.replace(LIMITS, contact_time=0.01))
     for _ in range(50):
-        surface.say(load=1.0, gap=0.03, strayed=0.006)
+        surface.say(load=1.0, gap=0.03, tracking_error=0.006)
     surface.forget()
     for name in ("strayed_for", "doubted", "places"):
         assert surface.state[name].item() == 0, name
@@ -296,12 +296,14 @@ def test_forgetting() -> None:
 def test_all_that_it_remembers_is_state() -> None:
     first, second = Table(), Table()
     for index in range(137):
-        first.say(place=(0.0001 * index, 0.0, 0.03), load=0.3 * (index % 7 > 2), strayed=0.006 * (index % 90 > 3))
+        first.say(
+            place=(0.0001 * index, 0.0, 0.03), load=0.3 * (index % 7 > 2), tracking_error=0.006 * (index % 90 > 3)
+        )
     second.state.raw[:] = first.state.raw
     second.moment.now, second.moment.time = first.moment.now, first.moment.time
     for index in range(60):
         for surface in (first, second):
-            surface.say(place=(0.0137 - 0.0001 * index, 0.0, 0.03), load=0.3, strayed=0.006 * (index > 3))
+            surface.say(place=(0.0137 - 0.0001 * index, 0.0, 0.03), load=0.3, tracking_error=0.006 * (index > 3))
     assert first.state.tobytes() == second.state.tobytes()
 
 

@@ -67,8 +67,8 @@ def test_tightening_never_delays_or_removes_a_trip(
 def test_tightening_a_surface_neither(walk: list[tuple[float, float, float]], force: float, contact: float) -> None:
     def when(limits: DeviceLimits) -> float:
         asked = Asked(Surface, TABLE, limits)
-        for index, (load, gap, strayed) in enumerate(walk):
-            asked.reading["wrench"][2], asked.moment.gap, asked.moment.tracking_error = load, gap, strayed
+        for index, (load, gap, tracking_error) in enumerate(walk):
+            asked.reading["wrench"][2], asked.moment.gap, asked.moment.tracking_error = load, gap, tracking_error
             asked.moment.calibrated = True
             try:
                 asked.check(0.02)

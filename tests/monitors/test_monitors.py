@@ -38,7 +38,7 @@ from itouch.plugin import (
     temperature,
     temperature_target,
 )
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 from itouch.safety import DeviceMonitors, Guard
 from itouch.safety.monitor_step import clocked
 from itouch.world.supervision import monitors_of, watched
@@ -358,7 +358,7 @@ def test_a_surface_says_what_is_touched_and_how_fast_it_may_close_in() -> None:
     assert device.gate.device_monitors._clamped.item() == count + 2
 
 
-class StampedTwin(FakeTwin, Stamped):
+class TimestampedTwin(FakeTwin, Timestamped):
     """A twin that knows when it measured, and what has left."""
 
     left: int | None = 3
@@ -371,7 +371,7 @@ class StampedTwin(FakeTwin, Stamped):
 
 
 def test_a_reading_may_be_older_than_it_comes() -> None:
-    twin = StampedTwin()
+    twin = TimestampedTwin()
     device = toyed(1.0, twin=twin)
     device.gate.read(0)
     assert set(device.gate.acquisition._measured.tolist()) == {-2}
@@ -388,7 +388,7 @@ def test_a_reading_may_be_older_than_it_comes() -> None:
 def test_a_reading_is_as_old_as_what_was_measured_first(channels: Any, behind: int, silent: bool) -> None:
     """The watchdog of 20 ms counts from when it was measured, of what may be hurt by or press; only while enabled."""
 
-    class Old(StampedTwin):
+    class Old(TimestampedTwin):
         def measured(self, state: Record, tick: int, ticks: Any) -> None:
             ticks[...] = tick
             ticks[0] = tick - behind
@@ -410,7 +410,7 @@ def test_a_reading_is_as_old_as_what_was_measured_first(channels: Any, behind: i
 
 
 def test_a_heat_sink_may_be_asked_now_and_then() -> None:
-    class Sink(StampedTwin):
+    class Sink(TimestampedTwin):
         def measured(self, state: Record, tick: int, ticks: Any) -> None:
             ticks[...] = tick, tick - 500, tick
 

@@ -19,7 +19,7 @@ from small_devices import ARM, LIMITS, PERIOD, TABLE, Fake, Supervised, model, s
 
 from itouch.monitors.default_limits import PLATE_FORCE_ABSOLUTE
 from itouch.plugin import Record
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, TrackedFinger, Trip
 from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.safety.blind_retreat import BLIND, HARDER, LEG, along
@@ -30,7 +30,7 @@ STOOD, PAD = 0.03, 1000.0
 Motion = Callable[[float], float]
 
 
-class Wire(Fake, Stamped):
+class Wire(Fake, Timestamped):
     """A device whose readings were measured so many ticks before they come."""
 
     behind = 0

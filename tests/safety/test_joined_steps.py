@@ -24,7 +24,7 @@ from itouch.plugin import (
     temperature_target,
     wrench,
 )
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 from itouch.safety import Finger
 from itouch.safety.monitor_step import LOOK, TOLD
 from itouch.world.rig import DeviceModel
@@ -191,7 +191,7 @@ def test_a_device_goes_the_same_way_joined(channels: Channels, cls: type[Fake]) 
 def test_a_twin_behind_a_wire_or_in_python_is_read_by_python() -> None:
     made = model(ARM, twin=True)
 
-    class Late(Reading, Stamped):
+    class Late(Reading, Timestamped):
         pass
 
     class Plain(Reading):

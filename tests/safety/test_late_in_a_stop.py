@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from itouch.exchange import EveryNth
 from itouch.faults import Kind
 from itouch.plugin import Record
-from itouch.plugin.stamps import ticks_of
+from itouch.plugin.timestamps import ticks_of
 from itouch_evidence.faults.behind_wires import Pair, run
 
 PERIOD = 1e-3

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from small_devices import ARM, LIMITS, PERIOD, PLATE, TABLE, Fake, FakeTwin, Supervised, model, state
 
 from itouch.plugin import HOLD, RETRACT, Channel, DeviceError, Record, Role, pose_target
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 from itouch.safety import DeviceFaultError, Outcome, SafeSequence, Status, Trip
 from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.safety.sequence import (
@@ -32,7 +32,7 @@ from itouch.safety.sequence import (
 )
 
 
-class Line(Fake, Stamped):
+class Line(Fake, Timestamped):
     """A device whose readings were measured so many ticks before they come."""
 
     behind = 0

@@ -28,7 +28,7 @@ from small_devices import (
 
 from itouch.exchange import Exchanged
 from itouch.plugin import HOLD, Channel, DeviceError, Record
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 from itouch.plugin.wire_claims import WireClaims, WireHeldError
 from itouch.safety import DeviceFaultError, Status, Trip, lifecycle
 from itouch.safety.actuation import BACKWARDS, HELD
@@ -837,7 +837,7 @@ def test_what_is_written_over_a_status_changes_nothing_of_what_a_device_may_do(n
     assert rig.it.latch.status is Status.FAULT
 
 
-class StampedFake(Fake, Stamped):
+class TimestampedFake(Fake, Timestamped):
     """A device that knows when it measured: ``late`` ticks ago."""
 
     late = 0
@@ -874,9 +874,9 @@ def test_re_arming_waits_for_hardware_that_has_nothing_new_and_refuses_it_then(
 @pytest.mark.parametrize(("late", "refused"), [(5, False), (40, True)])
 @pytest.mark.parametrize("channels", [ARM, PLATE], ids=["arm", "plate"])
 def test_a_reading_that_was_measured_long_ago_is_no_answer(channels: Channels, late: int, refused: bool) -> None:
-    rig = Rig(channels, cls=StampedFake).enabled()
+    rig = Rig(channels, cls=TimestampedFake).enabled()
     rig.it.gate.fault(Trip.DEVICE_ERROR, 100)
-    StampedFake.late = late
+    TimestampedFake.late = late
     try:
         if refused:
             with pytest.raises(DeviceError, match="can't be re-armed: it was silent"):
@@ -884,7 +884,7 @@ def test_a_reading_that_was_measured_long_ago_is_no_answer(channels: Channels, l
         else:
             rig.it.lifecycle.rearm(200)
     finally:
-        StampedFake.late = 0
+        TimestampedFake.late = 0
 
 
 def test_a_twin_is_re_armed_with_the_reading_that_it_has() -> None:

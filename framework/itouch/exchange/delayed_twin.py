@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Channel, Device, Field, Record, Twin, TwinInputs
 from itouch.plugin.bound_twin import BoundTwin
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 
 
-class LateTwin(Twin, Stamped):
+class LateTwin(Twin, Timestamped):
     """Puts a wire between the loop and another twin.
 
     An exchange begins every ``period`` of the device, or when `course` says: it takes the command of that moment and

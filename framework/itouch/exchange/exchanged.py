@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from itouch.plugin import Device
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 
 
-class Exchanged(Device, Stamped):
+class Exchanged(Device, Timestamped):
     """Stands for ``device``: what that raises comes up later, in whichever method is called next."""
 
     def __init__(self, device: Device) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from itouch.exchange.exchanged import Exchanged
 from itouch.plugin import Device, Emulator, Field, Record, Timestamps
-from itouch.plugin.stamps import ticks_of
+from itouch.plugin.timestamps import ticks_of
 
 #: Factor on drivers' timeouts in step: the simulated world stands still while they wait.  Other processes, above all
 #: some of real-time priority, can keep a simulated device from its answer for seconds: whoever asks again then does

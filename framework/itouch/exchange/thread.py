@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from itouch.exchange.exchanged import Exchanged, still_inside
 from itouch.plugin import RETRACT, Channel, Device, DeviceError, Emulator, Field, Record, Timestamps
 from itouch.plugin.device import is_new
-from itouch.plugin.stamps import ticks_of
+from itouch.plugin.timestamps import ticks_of
 from itouch.schema.diagnostics import named
 
 #: A command with the time [s] at which it was requested, or at which it left.

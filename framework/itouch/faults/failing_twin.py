@@ -19,7 +19,7 @@ from itouch.plugin import RETRACT, Channel, DeviceError, Field, Record, Role, Tw
 from itouch.plugin.bound_twin import BoundTwin
 from itouch.plugin.device import is_new
 from itouch.plugin.noise import random_word, uniform
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 
 Floats = NDArray[np.float64]
 #: The State field with the word of the random generator.
@@ -28,7 +28,7 @@ _WORD = "fault.word"
 RETRACTION, ARRIVED = 0.25, 2e-4
 
 
-class FaultyTwin(Twin, Stamped):
+class FaultyTwin(Twin, Timestamped):
     """Wraps the twin of a device; ``plan`` has a slot for each fault; ``period`` and ``watchdog`` [s]."""
 
     def __init__(
@@ -168,14 +168,14 @@ class FaultyTwin(Twin, Stamped):
 
         ``ticks`` (channels,), written: the number of a tick for each reading.
         """
-        if isinstance(self.twin, Stamped):
+        if isinstance(self.twin, Timestamped):
             self.twin.measured(state, tick, ticks)
         else:
             ticks[...] = tick
 
     def departed(self, state: Record, tick: int, command: Record) -> int | None:
         """Do what the twin does."""
-        return self.twin.departed(state, tick, command) if isinstance(self.twin, Stamped) else None
+        return self.twin.departed(state, tick, command) if isinstance(self.twin, Timestamped) else None
 
     def _start(self, state: Record, slot: int, values: Floats) -> None:
         state["fault.started"][slot] = 1

@@ -35,7 +35,7 @@ class ProbeRig:
         self.tracker = runners[probe.scene.pose_from]
         self.arm = runners.get(probe.scene.force_to)
         self.table = runners.get(probe.scene.surface_to)
-        self.face = runners.get(probe.face)
+        self.touched_device = runners.get(probe.touched_device)
         offset = model.surfaces[probe.name].face if probe.name in model.surfaces else (0.0, 0.0, 0.0)
         self.contact_step = ContactStep(model, probe, state, self.tracker, self.arm, self.table)
         self.coupling = self._coupling(state, offset)
@@ -78,7 +78,7 @@ class ProbeRig:
         return TouchOff(table, self.contact_step, offset, state, self.model.period, hand, self._fixed)
 
     def _coupling(self, state: Record, offset: Vector) -> Coupling:
-        operator, table, face = self.probe.operator, self.table, self.face
+        operator, table, face = self.probe.operator, self.table, self.touched_device
         hand = None
         if operator is not None and self.tracker.model.twin:
             probe = self.probe
@@ -111,7 +111,7 @@ class ProbeRig:
 
         Plates count that any probe of this finger meets.
         """
-        same = [one.face for one in self.model.probes if one.scene.pose_from == self.probe.scene.pose_from]
+        same = [one.touched_device for one in self.model.probes if one.scene.pose_from == self.probe.scene.pose_from]
         faces = [self._runners[name] for name in dict.fromkeys(same) if name in self._runners]
         fields = [(truth(self.model, one.model.name, Role.SKIN_TEMPERATURE), one) for one in faces if one.model.twin]
         return [(state[field].reshape(1), one.touch) for field, one in fields if field]
@@ -235,9 +235,9 @@ class ProbeRig:
             return
         self.contact_step.stay_away(table.gate.device_monitors.withdrawn)
         self.contact_step.carry()
-        strayed = self._figures[render.TRACKING].item()
+        tracking_error = self._figures[render.TRACKING].item()
         gap = probe_steps.gap_of(self._figures, self._radius)
-        table.gate.actuation.closing = table.gate.device_monitors.closing(gap, strayed)
+        table.gate.actuation.closing = table.gate.device_monitors.closing(gap, tracking_error)
         if self.touch_off is not None and not self.touch_off.done and table.latch.enabled:
             self.touch_off.update()
         elif table.gate.device_monitors.withdrawn:
@@ -292,7 +292,7 @@ class ProbeRig:
             moment.speed = render.size(figures[render.VELOCITY : render.VELOCITY + 3])
         if runner is self.table:
             distance = figures[render.TRACKING].item()
-            moment.tracking_error = runner.gate.acquisition.strayed(distance)
+            moment.tracking_error = runner.gate.acquisition.tracking_error(distance)
             if counting:
                 self._statistics.tracking.add(distance)
             moment.gap = self._gap()
@@ -303,7 +303,7 @@ class ProbeRig:
 
 def _extent_of(face: Runner) -> tuple[float, float, float, float] | None:
     """Return the half extents [m] of a face that a carrier brings, and its heading on it (cosine and sine), or None."""
-    half, mount = face.model.face, face.model.mount
+    half, mount = face.model.surface_half_extents, face.model.mount
     if half is None:
         return None
     x, y, _ = (

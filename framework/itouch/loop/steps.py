@@ -476,7 +476,7 @@ def worn(rig: ProbeRig, skin: Skin) -> Step:
     """Warm and cool the skin by the devices worn on it, and tell their twins what presses on it."""
     name = rig.probe.name
     reads = _of(name, "total_force", "taken", "skin", "tissue")
-    reads += _of(rig.face.model.name, "twin.*") if rig.face is not None else ()
+    reads += _of(rig.touched_device.model.name, "twin.*") if rig.touched_device is not None else ()
     return joinable(f"worn {name}", skin.bound, reads, _of(name, "skin", "tissue"))
 
 

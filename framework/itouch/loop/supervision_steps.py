@@ -67,14 +67,14 @@ class TickViews(NamedTuple):
 class Carried(NamedTuple):
     """A surface and the finger over it.
 
-    ``pose`` (7,) or (0,): its reading of its pose; ``strayed`` (1,): how far it is from its command [m]; ``finger``
-    (3,) and ``top`` (1,): finger and top of the surface in the world [m]; ``frame``: the constants of the probe, which
-    hold the frame of the device.  ``touch`` (2,): room for the result of a look; ``touched`` and ``felt`` (1,): what
-    other monitors are told.
+    ``pose`` (7,) or (0,): its reading of its pose; ``tracking_error`` (1,): how far it is from its command [m];
+    ``finger`` (3,) and ``top`` (1,): finger and top of the surface in the world [m]; ``frame``: the constants of the
+    probe, which hold the frame of the device.  ``touch`` (2,): room for the result of a look; ``touched`` and ``felt``
+    (1,): what other monitors are told.
     """
 
     pose: Floats
-    strayed: Floats
+    tracking_error: Floats
     finger: Floats
     top: Floats
     frame: Floats
@@ -113,14 +113,14 @@ def surface(
     if post.status[0] != turn.enabled:
         return SKIP
     if turn.ready[0] != 0:
-        counted(tracking, one.strayed[0])
+        counted(tracking, one.tracking_error[0])
     now, time, seconds = moment(clocks, post.checked[0], turn.tick[0], turn.period)
     post.checked[0] = turn.tick[0] + clocks.missed[0]
     x = one.finger[0] - one.frame[TABLE]
     y = one.finger[1] - one.frame[TABLE + 1]
     z = one.finger[2] - one.frame[TABLE + 2]
     gap = one.finger[2] - radius - one.top[0]
-    seen = SurfaceObservation(now, time, seconds, one.strayed[0], gap, turn.ready[0] != 0 and calibrates)
+    seen = SurfaceObservation(now, time, seconds, one.tracking_error[0], gap, turn.ready[0] != 0 and calibrates)
     found = watch(allowed, memory, load, one.pose, turned_in(one.frame, TABLE, x, y, z), seen, one.touch)
     if found >= 0.0 and memory.looked[0] == now:
         one.touched[0], one.felt[0] = int(one.touch[0]), one.touch[1]

@@ -94,11 +94,11 @@ class Surface(Monitor):
         """Distance from its command that stops it, distance at which a finger is near [m], speed near and far [m/s]."""
         return default.TRACKING, default.NEAR, self._near, self._speed
 
-    def closing(self, gap: float, strayed: float) -> float:
+    def closing(self, gap: float, tracking_error: float) -> float:
         """Return how fast [m/s] the surface may approach the finger now (K5); not while it is astray (K6)."""
         from itouch.monitors.surface_kernels import pace  # here, so that the compiler is loaded only if a device runs
 
-        return pace(gap, strayed, *self.paces)
+        return pace(gap, tracking_error, *self.paces)
 
     def follow(self, state: Record, target: float, lifted: bool, leaves: float = -math.inf) -> float:
         """Return the height [m] to command: the bottom of the travel while it is withdrawn (T4).

@@ -97,7 +97,7 @@ class SurfaceObservation(NamedTuple):
     now: float
     time: float
     seconds: float
-    strayed: float
+    tracking_error: float
     gap: float
     calibrated: bool
 
@@ -217,12 +217,12 @@ def rise(nearing: Any, pressed: float) -> float:
 
 
 @kernel
-def pace(gap: float, strayed: float, tracking: float, near: float, close: float, far: float) -> float:
-    """Return how fast [m/s] a surface may approach: not at all while it has strayed by more than ``tracking`` [m].
+def pace(gap: float, tracking_error: float, largest: float, near: float, close: float, far: float) -> float:
+    """Return how fast [m/s] a surface may approach: not at all while its tracking error is above ``largest`` [m].
 
     Else ``close`` where the gap is less than ``near`` [m], and ``far`` where it is not [m/s].
     """
-    if strayed > tracking:
+    if tracking_error > largest:
         return 0.0
     return close if gap < near else far
 
@@ -242,7 +242,7 @@ def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen:
     """
     pressed = felt(load)
     if _astray(memory, seen):
-        memory.figure[0] = seen.strayed
+        memory.figure[0] = seen.tracking_error
         return -float(allowed.tracking)
     if pressed > allowed.force:
         memory.figure[0] = pressed
@@ -265,7 +265,7 @@ def check(allowed: Any, memory: Any, load: Any, pose: Floats, finger: Any, seen:
 @linked
 def _astray(memory: Any, seen: Any) -> bool:
     """Tell whether the surface has been away from its command for too long (K6)."""
-    if not seen.strayed > TRACKING_TRIP:
+    if not seen.tracking_error > TRACKING_TRIP:
         memory.strayed_for[0] = 0.0
         return False
     memory.strayed_for[0] += seen.seconds

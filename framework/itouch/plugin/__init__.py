@@ -41,7 +41,7 @@ from itouch.plugin.noise import gaussian
 from itouch.plugin.pseudo_terminal import Terminal
 from itouch.plugin.quantity import HURTING, NEVER_HARMLESS, Quantity, Role
 from itouch.plugin.record import Field, Record
-from itouch.plugin.stamps import Timestamps
+from itouch.plugin.timestamps import Timestamps
 from itouch.plugin.trace import Trace, read_trace
 from itouch.plugin.world import World, WorldDevice, WorldObject, WorldSurface
 from itouch.schema import ItouchError

@@ -18,7 +18,7 @@ from itouch.plugin.channel import Channel
 from itouch.plugin.declaration_rules import faults_of, unguessable
 from itouch.plugin.groups import Grouped
 from itouch.plugin.record import Field, Record
-from itouch.plugin.stamps import Timestamps
+from itouch.plugin.timestamps import Timestamps
 from itouch.plugin.trace import Trace
 from itouch.schema import ItouchError
 

@@ -20,7 +20,7 @@ from itouch.monitors.default_limits import TIMELY
 from itouch.plugin import Bound, Device, DeviceError, Record, Role
 from itouch.plugin.bound import bound_by
 from itouch.plugin.device import is_new
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 from itouch.safety import monitor_step
 from itouch.safety.departures import Departures
 from itouch.safety.device_link import DeviceLink, part
@@ -57,7 +57,7 @@ class Acquisition:
         #: The monitors in force.
         self.device_monitors = DeviceMonitors(model, state, reading, sent, period)
         #: Numbers of the readings that must be recent for the supervision, where the wire tells when each was measured.
-        stamped = isinstance(link.source, Stamped)
+        stamped = isinstance(link.source, Timestamped)
         self._timely = [i for i, c in enumerate(model.reads) if c.role in TIMELY] if stamped else []
         #: Behind a wire: where the commands that have left have sent a surface.
         self.departures = Departures(model, state, self._out)
@@ -132,7 +132,7 @@ class Acquisition:
     def _age_by_clock(self, device: Device, tick: int, new: bool) -> float:
         """Return the age [s] of the newest reading of hardware, also while no ticks are run."""
         source: object = device
-        if isinstance(source, Stamped):
+        if isinstance(source, Timestamped):
             source.measured(self._link.twin_state, tick, self._measured)
             return (self._oldest(tick) if self._timely else tick - int(self._measured.max())) * self._period
         return time.monotonic() - self._came if self.timed and not new else 0.0
@@ -222,7 +222,7 @@ class Acquisition:
     def bound_take(self) -> tuple[Bound, ...]:
         """Return ``take`` as compiled calls, which leave a twin without a new reading to Python; none: Python's."""
         link, twin = self._link, self._link.twin
-        if twin is None or isinstance(twin, Stamped) or not is_newest(type(twin), "bound_read", "read"):
+        if twin is None or isinstance(twin, Timestamped) or not is_newest(type(twin), "bound_read", "read"):
             return ()
         with failing(f"device '{link.model.name}'", "the reading of its twin", link.model.place):
             sensed = bound_by(twin.bound_read, link.twin_state, self.reading)
@@ -342,7 +342,7 @@ class Acquisition:
         """Tell whether the device is not CLOSED, and has measured reading number ``reading`` in this tick or later."""
         return self._link.latch.number != CLOSED and bool(self._measured[reading] >= since)
 
-    def strayed(self, distance: float) -> float:
+    def tracking_error(self, distance: float) -> float:
         """Return how far [m] a surface was from its command when measured; ``distance``: from the newest command [m].
 
         Behind a wire the newest reading is older than the newest command: it is compared with the one that acted then.
@@ -370,7 +370,7 @@ class Acquisition:
     def _stamp(self, tick: int, new: bool) -> None:
         """Note when the reading that has come was measured, and which command has left."""
         source = self._link.source
-        if not isinstance(source, Stamped):
+        if not isinstance(source, Timestamped):
             if new:
                 self._measured[...] = tick
             return

@@ -272,12 +272,12 @@ class DeviceMonitors:
         """Whether the surface is withdrawn because of T4."""
         return self.surface is not None and bool(self.surface.state["withdrawn"].item())
 
-    def closing(self, gap: float, strayed: float) -> float:
-        """Return how fast [m/s] the surface may approach the finger now; ``gap`` and ``strayed`` in [m]."""
+    def closing(self, gap: float, tracking_error: float) -> float:
+        """Return how fast [m/s] the surface may approach the finger now; ``gap`` and ``tracking_error`` in [m]."""
         post = self.surface
         if post is None or not isinstance(post.monitor, Surface):
             return 0.0
-        found = post.monitor.closing(gap, strayed)
+        found = post.monitor.closing(gap, tracking_error)
         if not found:
             self._clamped += 1
         return found

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from itouch.plugin import Device, DeviceError, Record, Twin, TwinInputs
 from itouch.plugin.device import is_new
-from itouch.plugin.stamps import Stamped
+from itouch.plugin.timestamps import Timestamped
 from itouch.recording import Recording
 from itouch.safety import Trip
 from itouch.session.row_layout import in_track
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from itouch.session.session import Session
 
 
-class PlaybackTwin(Twin, Stamped):
+class PlaybackTwin(Twin, Timestamped):
     """Gives recorded readings in place of a twin's, which goes on stepping underneath."""
 
     def __init__(self, name: str, inner: Twin, feed: Feed) -> None:
@@ -57,7 +57,7 @@ class PlaybackTwin(Twin, Stamped):
         return self._feed.departed(self._name, command)
 
 
-class PlaybackDevice(Device, Stamped):
+class PlaybackDevice(Device, Timestamped):
     """Gives recorded readings in place of hardware's, and drops commands."""
 
     def __init__(self, name: str, feed: Feed) -> None:

@@ -440,7 +440,7 @@ class Session(Shown, Engine):
         hardware = [one for one in self.runners if not one.model.twin and not one.lifecycle.awaited]
         wanted = [one for one in hardware if not one.model.optional]
         moving = [one.model for one in wanted if one.model.cls.moves_on_open and one.latch.status is Status.CLOSED]
-        failures = {model.name: why for model in moving if (why := model.missing())}
+        failures = {model.name: why for model in moving if (why := model.unavailable_reason())}
         standing = [one.lifecycle for one in wanted if not one.model.cls.moves_on_open]
         try:
             failures |= connect(standing, self.ticks, meanwhile=lambda: engine_view.tell(self.on.waiting))

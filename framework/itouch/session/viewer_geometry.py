@@ -33,7 +33,7 @@ def view_of(model: Model, state: Record) -> View:
         solids += list(_object(model, index, frame, pose))
     for device in model.devices.values():
         frames += list(_frames(model, device, state))
-        face = device.face
+        face = device.surface_half_extents
         if face is not None:
             size, low = (2 * face[0], 2 * face[1], _FACE), (0.0, 0.0, -_FACE / 2, 1.0, 0.0, 0.0, 0.0)
             solids.append(Solid(f"{device.name}/face", _mount(device.name), "box", size, _DEVICE, low))

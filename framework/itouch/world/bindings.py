@@ -16,7 +16,7 @@ from itouch.scene.elements import Capsule, Probe
 from itouch.schema import Place, Problem
 from itouch.schema.diagnostics import did_you_mean
 from itouch.schema.fields import specs
-from itouch.world.presented_surfaces import face_of
+from itouch.world.presented_surfaces import touched_device_of
 from itouch.world.rig import DeviceModel
 
 _LINEAR = (0, 1, 2)
@@ -136,8 +136,8 @@ def _uneven(scene: Scene, probe: Probe, devices: Mapping[str, DeviceModel]) -> I
     table = devices.get(probe.surface_to)
     if table is None or table.command(Role.SURFACE_POSE) is None:
         return
-    face = devices[face_of(table.name, devices)]
-    if face is table or face.face is None:
+    face = devices[touched_device_of(table.name, devices)]
+    if face is table or face.surface_half_extents is None:
         return
     tilt = _tilt(_upright_of(face))
     if tilt > MOST_UNEVEN:

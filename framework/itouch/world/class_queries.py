@@ -58,7 +58,7 @@ def duration_of(cls: type[Device], bound: Any) -> float:
     return _seconds(cls.motion_duration, cls.motion_duration(bound), "a time in seconds is wanted, 0 without a motion")
 
 
-def face_of(cls: type[Device], params: Any) -> tuple[float, float] | None:
+def surface_half_extents_of(cls: type[Device], params: Any) -> tuple[float, float] | None:
     """Return the half extents [m] of the face of a device, or None.
 
     Raises
@@ -75,7 +75,7 @@ def face_of(cls: type[Device], params: Any) -> tuple[float, float] | None:
     return sizes[0], sizes[1]
 
 
-def missing_of(cls: type[Device], bound: Any) -> str:
+def unavailable_reason_of(cls: type[Device], bound: Any) -> str:
     """Return why a device cannot be opened; empty: nothing is known.
 
     Raises

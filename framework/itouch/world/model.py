@@ -27,7 +27,7 @@ from itouch.world.modalities import ModalityModel, build_modalities, notices_of,
 from itouch.world.motion_tables import NO_MOTIONS, Motions, build_motions
 from itouch.world.object_shapes import build_shapes
 from itouch.world.overlap import overlaps
-from itouch.world.presented_surfaces import face_of, surfaces_of
+from itouch.world.presented_surfaces import surfaces_of, touched_device_of
 from itouch.world.recorded_motion import RecordedMotion, recorded_motion
 from itouch.world.replaced_limits import differences, fitted
 from itouch.world.rig import DeviceModel, build_devices, carriers_of, orientation
@@ -50,8 +50,8 @@ _LENGTHS = ("size", "radius", "length", "pos")
 class ProbeModel:
     """A probe with its bindings; ``coupling`` has an entry per object; a hand without a motion begins at ``start`` [m].
 
-    ``face``: the device that the finger touches on its table; ``relied``: damping of hand and arm [N s/m] that the
-    coupling relies on behind a wire, None: there is no wire.
+    ``touched_device``: the device that the finger touches on its table; ``relied``: damping of hand and arm [N s/m]
+    that the coupling relies on behind a wire, None: there is no wire.
     """
 
     name: str
@@ -59,7 +59,7 @@ class ProbeModel:
     scene: Probe
     operator: Operator | None
     coupling: tuple[Coupling, ...]
-    face: str
+    touched_device: str
     effects: tuple[Effects, ...] = ()
     recorded: RecordedMotion | None = None
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -329,11 +329,11 @@ def _probes(
         names = [element.material for element in scene.objects]
         coupling = couplings(probe, arm, materials, names, 1.0 / scene.rates.servo, notices)
         coupling = on_bodies(coupling, scene.objects, ease, 1.0 / scene.rates.servo, notices)
-        face = face_of(probe.surface_to, devices)
+        touched = touched_device_of(probe.surface_to, devices)
         own = stable_effects(probe, arm, effects, coupling, names, 1.0 / scene.rates.servo, notices)
         recorded = recorded_motion(scene, operator, reader, problems)
         late = relied(probe, devices.get(probe.pose_from), arm)
-        found.append(ProbeModel(probe.name, index, probe, operator, coupling, face, own, recorded, start, late))
+        found.append(ProbeModel(probe.name, index, probe, operator, coupling, touched, own, recorded, start, late))
     return found
 
 

@@ -24,7 +24,7 @@ _ONE = (("f8", 0), ("f8", 1), ("i8", 0), ("i8", 1))
 PAD_STIFFNESS, PAD_DAMPING = 1e3, 2.0
 
 
-def face_of(table: str, devices: Mapping[str, DeviceModel]) -> str:
+def touched_device_of(table: str, devices: Mapping[str, DeviceModel]) -> str:
     """Return the device on a table that the finger touches: the one that reads the temperature there, else the first.
 
     If the table carries nothing, it is the table itself.
@@ -56,7 +56,7 @@ def surfaces_of(
         if count > 1:
             together = min(one.limits.finger_force for one in (arm, table) if one is not None)
             most = min(most, max(0.0, together - ROOM)) / count
-        face = devices[face_of(table.name, devices)]
+        face = devices[touched_device_of(table.name, devices)]
         x, y, z = face.mount[:3] if face is not table else (0.0, 0.0, 0.0)
         found[probe.name] = WorldSurface(
             table.name, arm.name if arm is not None else "", (x, y, z), stiffness, damping, bool(table.touch_off), most,

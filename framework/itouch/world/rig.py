@@ -77,10 +77,10 @@ class DeviceModel:
             return class_queries.duration_of(self.cls, self.bound)
 
     @property
-    def face(self) -> tuple[float, float] | None:
+    def surface_half_extents(self) -> tuple[float, float] | None:
         """The half extents [m] of the face at its origin that a finger can touch, or None."""
         with failing(f"device '{self.name}'", "surface_half_extents", self.place):
-            return class_queries.face_of(self.cls, self.params)
+            return class_queries.surface_half_extents_of(self.cls, self.params)
 
     @property
     def late(self) -> bool:
@@ -98,10 +98,10 @@ class DeviceModel:
         """The wires that no other device may use while this one is open; none for a twin, or without commands."""
         return () if self.twin or not self.commands else class_queries.wires_of(self.cls, self.params)
 
-    def missing(self) -> str:
+    def unavailable_reason(self) -> str:
         """Return why it cannot be opened, or in what its plugin fails when it is asked; empty: nothing is known."""
         try:
-            return class_queries.missing_of(self.cls, self.bound)
+            return class_queries.unavailable_reason_of(self.cls, self.bound)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a plugin that exits does not end the program
@@ -261,7 +261,7 @@ def _build(
         element.twin == "remote", injections(scene, element, (*reads, *commands), problems), bound,
         monitors, place,
     )  # fmt: skip
-    _ = model.duration, model.face  # what is wrong with them is told now, and not when they are needed
+    _ = model.duration, model.surface_half_extents  # what is wrong with them is told now, and not when they are needed
     return model
 
 

@@ -37,7 +37,7 @@ class Finger(Protocol):
         """The operator twin that moves it; None: there is none."""
 
     @property
-    def face(self) -> str:
+    def touched_device(self) -> str:
         """Name of the device on its table that it touches; empty: none."""
 
 
@@ -126,12 +126,12 @@ def devices_at(probe: Finger, probes: Sequence[Finger], devices: Mapping[str, De
     carriers = {name: {name, *carriers_of(devices, device)} for name, device in devices.items()}
     on_it = [name for name in devices if carriers[name] & mine]
     free = [name for name in devices if not carriers[name] & (mine | others)]
-    listed = [name for name in (probe.face, *on_it, *free) if name in devices]
+    listed = [name for name in (probe.touched_device, *on_it, *free) if name in devices]
     return [devices[name] for name in dict.fromkeys(listed)]
 
 
 def _bound(probe: Finger) -> tuple[str, ...]:
-    named = (probe.scene.pose_from, probe.scene.force_to, probe.scene.surface_to, probe.face)
+    named = (probe.scene.pose_from, probe.scene.force_to, probe.scene.surface_to, probe.touched_device)
     return tuple(name for name in named if name)
 
 

@@ -76,7 +76,7 @@ class SceneGraph:
         self.carved = [look.carved for look in self._looks.values() if look.carved is not None]
         self.range = Range(model)
         self.tables = [d for d in model.devices.values() if d.command(Role.SURFACE_POSE) is not None]
-        self.faces = {d.name: f for d in model.devices.values() if (f := d.face) is not None}
+        self.faces = {d.name: f for d in model.devices.values() if (f := d.surface_half_extents) is not None}
         self._bare = [
             d.name for d in self.tables
             if d.name not in self.faces and not any(model.devices[f].carrier == d.name for f in self.faces)

@@ -80,7 +80,7 @@ def _require_past(**times: float) -> None:
             raise ValueError(f"{name} = {seconds!r} must be seconds that have passed")
 
 
-class Stamped:
+class Timestamped:
     """A device, or a twin, whose readings and commands take time.
 
     Times are in ticks of the loop: a reading measured in the ``read`` of a tick belongs to that tick, and a command
