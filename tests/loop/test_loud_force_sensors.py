@@ -15,11 +15,12 @@ from itouch.loop import render
 from itouch.loop.surface import force_estimate, surface_memory
 from itouch_evidence.surface import run
 from itouch_evidence.surface.course import Floats, follow
-from itouch_evidence.surface.draw import draw
+from itouch_evidence.surface.draw import draw, draw_wire
 from itouch_evidence.surface.laws import broken, judge
 from itouch_evidence.surface.scenes import RADIUS, Slope, ramp
 
-_estimate, _believed = kernel_of(force_estimate.estimate), kernel_of(force_estimate.believed)
+_estimate, _late = kernel_of(force_estimate.estimate), kernel_of(force_estimate.estimate_late)
+_believed = kernel_of(force_estimate.believed)
 
 #: Stiffness of the finger's pad [N/m], and how far away a surface surely is [m].
 PAD, AWAY = 1000.0, -5e-3
@@ -153,3 +154,91 @@ def test_a_plate_that_is_too_low_is_missed_as_soon_with_a_loud_sensor(folder: Pa
     assert virtual.min() > 0.1
     assert total == pytest.approx(virtual, rel=0.02)
     assert len([notice for notice in course.report["notices"] if "should have been felt" in notice]) == 1
+
+
+class LateSensor(Sensor):
+    """A sensor that is read every ``every`` ticks, ``late`` ticks after it measures; what it says is moved on to now.
+
+    Between two readings, and while one is on its way, the modality that carries the surface moves the newest on by how
+    much deeper the finger is: ``stated`` [N] in each tick.
+    """
+
+    def __init__(self, noise: float, every: int, late: int = 2) -> None:
+        super().__init__(noise)
+        self.every, self.late, self.tick = every, late, late
+        self.forces, self.stated = [0.0] * late, [0.0]
+        self.measured, self.newest = 0, 0.0
+
+    def borne(self, force: float, depth: float, ticks: int = 1) -> Floats:
+        """Do what the sensor without a wire does; what is estimated is of the tick before."""
+        found = []
+        for _ in range(ticks):
+            self.forces.append(force)
+            if self.tick % self.every == 0:
+                self.measured = self.tick - self.late
+                self.newest = self.forces[self.measured] + self.noise * self.rng.normal()
+                self.read.append(self.newest)
+            _late(self.constants, self.memory, -self.newest, self.stated[-1], depth, float(self.measured))
+            found.append(-_believed(self.memory, -self.stated[-1]))
+            self.stated.append(max(0.0, self.newest + force - self.forces[self.measured]))
+            self.tick += 1
+        return np.array(found)
+
+
+@pytest.mark.parametrize("every", [1, 7, 10])
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_behind_a_wire_a_quiet_sensor_is_believed_as_it_is_stated(noise: float, every: int) -> None:
+    sensor = LateSensor(noise, every)
+    found = [*sensor.borne(0.0, AWAY, 4000), *sensor.borne(0.7, 7e-4, 100), *sensor.borne(0.0, AWAY, 4000)]
+    assert found == sensor.stated[:-1]
+    assert sensor.at(surface_memory.LOUD) == sensor.at(surface_memory.UNSURE) == 0.0
+
+
+@pytest.mark.parametrize("every", [1, 7, 10])
+@pytest.mark.parametrize("noise", [0.012, 0.04])
+def test_behind_a_wire_noise_is_measured_once_for_each_reading(noise: float, every: int) -> None:
+    sensor = LateSensor(noise, every)
+    sensor.borne(0.3, AWAY, 500 * every)
+    assert sensor.at(surface_memory.LOUD) == pytest.approx(noise, rel=0.2)
+    assert sensor.at(surface_memory.HEARD) == pytest.approx(500 * 1e-3, rel=0.01)  # by readings, not by ticks
+
+
+def test_the_fewer_the_readings_the_louder_a_sensor_must_be() -> None:
+    """One of 40 mN is known after a quarter of a second, at a reading every 10 ms; one of 5 mN never is."""
+    loud, quiet = LateSensor(0.04, 10), LateSensor(0.005, 10)
+    loud.borne(0.0, AWAY, 250)
+    assert loud.at(surface_memory.LOUD) == pytest.approx(0.04, rel=0.5)
+    for _ in range(400):
+        quiet.borne(0.0, AWAY, 10)
+        assert quiet.at(surface_memory.LOUD) == 0.0
+
+
+@pytest.mark.parametrize("every", [1, 4, 10])
+def test_behind_a_wire_noise_is_averaged_out_and_the_estimate_is_not_late(every: int) -> None:
+    sensor = LateSensor(0.04, every)
+    sensor.borne(0.0, AWAY, 500 * every)
+    pressed = sensor.borne(0.7, 7e-4, 4000 * every)[100 * every :]
+    assert pressed.mean() == pytest.approx(0.7, abs=0.008)
+    assert pressed.std() < 0.7 * 0.04
+    assert np.abs(pressed - 0.7).max() < 1.6 * sensor.at(surface_memory.UNSURE)
+    before = 0.7
+    for depth in np.arange(7e-4, 2e-3, 1e-4):  # 0.1 m/s, told a tick late
+        (found,) = sensor.borne(PAD * depth, depth)
+        assert found == pytest.approx(before, abs=1.6 * sensor.at(surface_memory.UNSURE) + PAD * 1e-4)
+        before = PAD * depth
+
+
+@pytest.mark.parametrize(("number", "broke"), [(1, "arm"), (2, "step")])
+def test_a_loud_sensor_behind_a_wire_breaks_no_law_that_a_quiet_one_keeps(
+    folder: Path, number: int, broke: str
+) -> None:
+    """What a plate in the air reads of no touch was moved on with the finger: the arm gave way to up to 0.8 N of it."""
+    figures = {}
+    for noise in (None, 40.0):
+        _, scene = draw(number, 5, folder)
+        scene = dataclasses.replace(scene, noise=noise)
+        course = follow(scene.build(folder, catalog=draw_wire(number, 5).catalog()))
+        figures[noise] = judge(course, wired=True)
+    assert broke in figures[None]
+    assert set(broken(figures[40.0])) <= set(broken(figures[None]))
+    assert broke not in broken(figures[40.0])

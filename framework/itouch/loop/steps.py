@@ -175,12 +175,14 @@ def look_below(rig: ProbeRig) -> Step:
         "turns", "hastens",
     )  # fmt: skip
     estimated = (
-        "variance", "heard", "read_last", "read_before", "depth", "averaged", "loud", "borne", "unsure",
+        "variance", "heard", "read_last", "read_before", "depth", "heard_at", "averaged_at", "averaged", "loud",
+        "borne", "unsure",
     )  # fmt: skip
     surface = tuple(f"{name}.surface.{field}" for field in (*kept, *estimated))
     written = (*_of(name, "surface_height", "below"), *surface)
     figures = _of(name, "hip", "velocity", "proxy", "normal", "penetration")
     reads = (*figures, "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
+    reads += _of(rig.table.model.name, "measured") if rig.table is not None else ()
     return joinable(f"below {name}", rig.contact_step.looks, (*reads, *surface, *rig.contact_step.newer), written)
 
 

@@ -213,7 +213,8 @@ class ContactStep:
         objects = probe_steps.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
             probe_steps.look_below, own, objects, here, self._load, self._presses, risen, self.below,
-            np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3), not table.model.wire,
+            np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
+            table.gate.acquisition.measured_of(Role.CONTACT_FORCE), not table.model.wire,
         )  # fmt: skip
         measured, read = table.gate.acquisition.measured_of(Role.TRACKED_POSE), np.zeros(0)
         if table.model.wire:

@@ -203,7 +203,8 @@ def rise(nearing: Any, pressed: float) -> float:
     closing = max(0.0, nearing.rising[0] - nearing.velocity[2])
     way = LATE * period * closing
     said = nearing.presses[0]
-    since, unsure = said - pressed if said > pressed else 0.0, nearing.estimated[_UNSURE]
+    loud, unsure = nearing.estimated[_LOUD] > 0.0, nearing.estimated[_UNSURE]
+    since = said - pressed if said > pressed and not loud else 0.0  # a loud sensor's average has moved on to now
     if pressed + since > TOUCH + unsure:
         return float((UNSEEN_LATE if said >= 0.0 else UNSEEN) + unsure + stiffness * way + since)
     beyond = nearing.finger[2] - radius - nearing.top[0] - SOON - way

@@ -10,6 +10,9 @@ from __future__ import annotations
 LOW, HIGH = 1.0, 2.0
 #: Force [N] above which a surface is felt, and below which the finger has left it.
 TOUCH, LEFT = 0.05, 0.02
+#: How many times its noise a loud force sensor must read at least to be surely touched [1]: noise alone reads more once
+#: in a million readings.
+SURELY = 5.0
 #: Least cosine of a surface's tilt in computing its contact with a finger; a steeper one counts as this steep.
 STEEPEST = 0.1
 #: How near below the finger a surface is as good as there [m].

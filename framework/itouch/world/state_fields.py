@@ -114,6 +114,8 @@ SURFACE = (
     Field("surface.read_last", unit="N", doc="what that sensor read last"),
     Field("surface.read_before", unit="N", doc="what it read before that"),
     Field("surface.depth", unit="m", doc="how far the finger then seemed to be in the plate"),
+    Field("surface.heard_at", unit="tick", doc="behind a wire: the tick in which its newest reading was measured"),
+    Field("surface.averaged_at", unit="tick", doc="the same of the newest reading that is in the average"),
     Field("surface.averaged", unit="N", doc="what it reads, with its noise averaged out"),
     Field("surface.loud", unit="N", doc="rms of its noise, if it is a loud one; else 0"),
     Field("surface.borne", unit="N", doc="force on the plate, as far as the noise does not explain it"),

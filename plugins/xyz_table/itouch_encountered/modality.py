@@ -149,7 +149,7 @@ def _seen(model: EncounteredModel) -> tuple[str, ...]:
     probe, device = model.probe, model.device
     return (
         f"{device}.frame", model.pose, f"{device}.sent.{model.channel}", f"{probe}.surface.borne",
-        *(f"{probe}.{name}" for name in ("hip", "normal", "surface_height")),
+        f"{probe}.surface.loud", *(f"{probe}.{name}" for name in ("hip", "normal", "surface_height")),
         *(
             f"{probe}.surface.{name}"
             for name in (
@@ -169,7 +169,7 @@ def _over_wire(model: EncounteredModel) -> tuple[str, ...]:
     return (
         "tick", *(f"{device}.{name}" for name in ("measured", "gone", "goings")), model.pose, model.load or "no load",
         f"{device}.frame", f"{probe}.hip",
-        *(f"{probe}.surface.{name}" for name in ("slope_x", "slope_y", "lifts")),
+        *(f"{probe}.surface.{name}" for name in ("slope_x", "slope_y", "lifts", "loud")),
     )  # fmt: skip
 
 

@@ -155,7 +155,7 @@ class Seen(NamedTuple):
     """What is read of State: arrays, of shape (1,) where none is given.
 
     Of the device: ``frame`` (12,), ``pose`` (7,), the pose ``sent`` last (7,), and the force on it, ``borne`` [N], with
-    the noise of its sensor averaged out.
+    the noise of its sensor averaged out; ``loud``: the rms of that noise [N], 0 where it is quiet.
     ``hip`` (3,) of the finger; ``normal`` (3,) of the touched virtual surface.  Of the virtual surface below:
     ``height``, ``upright`` (cosine of its tilt), ``climb`` (how fast the height changes [m/s]), ``turns`` and
     ``hastens`` (how fast ``climb`` changes because the slope does, or because finger or object accelerate [m/s2]).
@@ -172,6 +172,7 @@ class Seen(NamedTuple):
     pose: Any
     sent: Any
     borne: Any
+    loud: Any
     hip: Any
     normal: Any
     height: Any
@@ -473,7 +474,9 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     lowest, here, last = hip[2] - c.radius, _top(c, frame, seen.pose), _top(c, frame, sent)
     pressed, touching, withdrawn = seen.borne[0], seen.object[0] >= 0, seen.withdrawn[0] != 0
     if c.wire:
-        here, pressed = here + own[SINCE], own[PRESSES]
+        here += own[SINCE]
+        if not seen.loud[0] > 0.0:  # else its average is of now, too
+            pressed = own[PRESSES]
     height += seen.slope_x[0] * _ease(c, own, EVENED_X, hip[0], seen.goes_x[0])
     height += seen.slope_y[0] * _ease(c, own, EVENED_Y, hip[1], seen.goes_y[0])
     if not c.wire:

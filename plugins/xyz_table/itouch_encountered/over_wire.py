@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from itouch.plugin.carried_surfaces import ABOUT, LEFT, TOUCH
+from itouch.plugin.carried_surfaces import ABOUT, LEFT, SURELY, TOUCH
 from itouch.plugin.kernels import kernel, linked
 from itouch_encountered.surface_fields import (
     BEHIND,
@@ -74,7 +74,8 @@ class Wire(NamedTuple):
 
     ``tick``; ``measured``: the tick in which the newest pose was measured; ``gone`` (GONE, 4): the ticks from which the
     newest commands have acted, and the positions to which they sent the device [m]; ``goings``: how many commands have
-    left; ``pose`` (7,), ``load`` (6,), ``frame`` (12,) and ``hip`` (3,) as in `Seen`; ``slope_x``, ``slope_y`` [1]: the
+    left; ``pose`` (7,), ``frame`` (12,), ``hip`` (3,) and ``loud`` as in `Seen`; ``load`` (6,): the force on it as read
+    [N, N m], of which the third number is negative where a finger presses; ``slope_x``, ``slope_y`` [1]: the
     slope of the virtual surface; ``lifts``: how fast its object lifts it [m/s].
     """
 
@@ -89,6 +90,7 @@ class Wire(NamedTuple):
     slope_x: Any
     slope_y: Any
     lifts: Any
+    loud: Any
 
 
 @kernel
@@ -222,7 +224,8 @@ def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
         return float(then)
     before = here - own[GONE_BY + 3 * ((w.tick[0] - age) % PAST) + 2]
     now = here + own[SINCE] - (w.hip[2] - c.radius)
-    if then < LEFT or (then < TOUCH and before < -ABOUT):  # it did not touch, whatever a sensor reads without a touch
+    surely = TOUCH + SURELY * w.loud[0]
+    if then < LEFT or (then < surely and before < -ABOUT):  # it did not touch, whatever a sensor reads without a touch
         return float(max(0.0, c.stiffness * (now - max(0.0, before))))
     return float(max(0.0, then + c.stiffness * (now - before)))
 
