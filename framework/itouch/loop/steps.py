@@ -68,7 +68,7 @@ def read(gate: Gate) -> Step:
     name = gate.model.name
     written = (
         *_readings(gate.model),
-        *_of(name, "age", "measured", "left", "out.*", "twin.*", "watchdog.*", *_TRIPPED),
+        *_of(name, "age", "measured", "left", "gone", "goings", "out.*", "twin.*", "watchdog.*", *_TRIPPED),
     )
     reads, bounds = _of(name, "status", "twin.*"), gate.acquisition.bound_take()
     if bounds:
