@@ -228,17 +228,11 @@ def test_behind_a_wire_noise_is_averaged_out_and_the_estimate_is_not_late(every:
         before = PAD * depth
 
 
-@pytest.mark.parametrize(("number", "broke"), [(1, "arm"), (2, "step")])
-def test_a_loud_sensor_behind_a_wire_breaks_no_law_that_a_quiet_one_keeps(
-    folder: Path, number: int, broke: str
-) -> None:
-    """What a plate in the air reads of no touch was moved on with the finger: the arm gave way to up to 0.8 N of it."""
-    figures = {}
-    for noise in (None, 40.0):
-        _, scene = draw(number, 5, folder)
-        scene = dataclasses.replace(scene, noise=noise)
-        course = follow(scene.build(folder, catalog=draw_wire(number, 5).catalog()))
-        figures[noise] = judge(course, wired=True)
-    assert broke in figures[None]
-    assert set(broken(figures[40.0])) <= set(broken(figures[None]))
-    assert broke not in broken(figures[40.0])
+@pytest.mark.parametrize("number", [9, 23, 28])  # a mesh, another, and a ramp
+def test_a_loud_sensor_behind_a_wire_breaks_no_law_that_it_once_broke(folder: Path, number: int) -> None:
+    """What a plate in the air reads of no touch was moved on with the finger: the arm gave way to up to 1 N of it."""
+    _, scene = draw(number, 9001, folder)
+    wire = draw_wire(number, 9001).catalog()
+    figures = judge(follow(dataclasses.replace(scene, noise=30.0).build(folder, catalog=wire)), wired=True)
+    assert {"arm", "step", "absent"} <= figures.keys()
+    assert not broken(figures)

@@ -127,13 +127,14 @@ def led(withdrawn: Any, kept: Floats) -> int:
 
 @kernel
 def look_below(
-    own: ProbeArrays, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, below: Any,
-    down: Floats, normal: Floats, start: Floats, measured: Any, fresh: bool,
+    own: ProbeArrays, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, distance: Floats,
+    below: Any, down: Floats, normal: Floats, start: Floats, measured: Any, fresh: bool,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its index.
 
     ``table`` (7,) and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m];
-    ``presses`` and ``risen`` (1,): what its modality says of these readings, see `itouch.plugin.SurfaceFields`;
+    ``presses``, ``risen`` and ``distance`` (1,): what its modality says of these readings [N, m, m], see
+    `itouch.plugin.SurfaceFields`;
     ``down``, ``normal`` and ``start`` (3,) as in `ground.find`; ``fresh``: whether each tick has its own readings, else
     ``measured`` (1,) is the tick in which the newest of the force was measured; (0,): it is not read.
     ``below``, ``figures`` and ``kept`` are written.
@@ -142,11 +143,13 @@ def look_below(
     world, mesh, poses, twists = objects.world, objects.mesh, objects.poses, objects.twists
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
     higher = 0.0 if math.isnan(risen[0]) else risen[0]
-    depth = plate.top(c, table) + higher - (figures[render.HIP + 2] - c[render.RADIUS])
-    if not fresh and presses[0] >= 0.0 and measured.shape[0] > 0:
-        force_estimate.estimate_late(c, kept, load[2], presses[0], depth, float(measured[0]))
-    elif fresh and presses[0] < 0.0:
+    if fresh and presses[0] < 0.0:
+        depth = plate.top(c, table) + higher - (figures[render.HIP + 2] - c[render.RADIUS])
         force_estimate.estimate(c, kept, load[2], depth)
+    elif not fresh and presses[0] >= 0.0 and abs(distance[0]) < FURTHEST and measured.shape[0] > 0:
+        # what the modality says is of a tick ago, and not of the pose that has come since
+        depth = -distance[0] - c[render.PERIOD] * figures[render.VELOCITY + 2]
+        force_estimate.estimate_late(c, kept, load[2], presses[0], depth, float(measured[0]))
     plate.foresee(c, table, figures, kept, force_estimate.believed(kept, force.on_plate(load, presses)), higher)
     return 0
 

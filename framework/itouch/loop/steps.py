@@ -183,7 +183,7 @@ def look_below(rig: ProbeRig) -> Step:
     figures = _of(name, "hip", "velocity", "proxy", "normal", "penetration")
     reads = (*figures, "objects.pose", *_roles(rig.table, Role.TRACKED_POSE, Role.CONTACT_FORCE))
     reads += _of(rig.table.model.name, "measured") if rig.table is not None else ()
-    return joinable(f"below {name}", rig.contact_step.looks, (*reads, *surface, *rig.contact_step.newer), written)
+    return joinable(f"below {name}", rig.contact_step.looks, (*reads, *surface, *rig.contact_step.looked_at), written)
 
 
 def carried(rig: ProbeRig, one: ModalityModel, state: Record, model: Model) -> Step:

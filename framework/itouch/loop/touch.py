@@ -91,8 +91,9 @@ class ContactStep:
         self._load = table.read_as(Role.CONTACT_FORCE) if table is not None else nothing
         #: Surface force reported by the carrying modality [N], shape (1,); below 0: none reported.
         self._presses = np.full(1, -1.0)
-        #: The fields of State that say that, and how much higher it is than is read.
+        #: The fields of State that say that, and how much higher it is than is read; and with the surface's distance.
         self.newer: tuple[str, ...] = ()
+        self.looked_at: tuple[str, ...] = ()
         self._poses, self._twists = state["objects.pose"], state["objects.twist"]
         follow = Bound(
             render.follow, self._constants, tracker.read_as(Role.TRACKED_POSE), self.figures, self._afresh,
@@ -207,12 +208,14 @@ class ContactStep:
             state[f"{one.name}.{field}"].reshape(1) if field else without[kind]
             for kind, field in zip(fields._fields[2:], fields[2:], strict=True)
         )
+        distance = state[f"{one.name}.{fields.distance}"].reshape(1)
         newer = (fields.pressing_force, fields.height_correction)
         self.newer = tuple(f"{one.name}.{field}" for field in newer if field)
+        self.looked_at = (*self.newer, f"{one.name}.{fields.distance}")
         own = probe_steps.ProbeArrays(self._constants, self.figures, self.surface)
         objects = probe_steps.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
-            probe_steps.look_below, own, objects, here, self._load, self._presses, risen, self.below,
+            probe_steps.look_below, own, objects, here, self._load, self._presses, risen, distance, self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
             table.gate.acquisition.measured_of(Role.CONTACT_FORCE), not table.model.wire,
         )  # fmt: skip

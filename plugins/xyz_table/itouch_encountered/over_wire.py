@@ -224,9 +224,10 @@ def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
         return float(then)
     before = here - own[GONE_BY + 3 * ((w.tick[0] - age) % PAST) + 2]
     now = here + own[SINCE] - (w.hip[2] - c.radius)
-    surely = TOUCH + SURELY * w.loud[0]
-    if then < LEFT or (then < surely and before < -ABOUT):  # it did not touch, whatever a sensor reads without a touch
+    if then < LEFT or (then < TOUCH and before < -ABOUT):  # it did not touch, whatever a sensor reads without a touch
         return float(max(0.0, c.stiffness * (now - max(0.0, before))))
+    if before < 0.0 and then < LEFT + SURELY * w.loud[0]:  # that may be noise: no pad is deeper for it than it seems
+        return float(max(then, c.stiffness * now))
     return float(max(0.0, then + c.stiffness * (now - before)))
 
 

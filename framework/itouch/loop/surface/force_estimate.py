@@ -107,12 +107,14 @@ def estimate_late(c: Floats, memory: Floats, load: float, presses: float, depth:
     measured
         The tick in which ``load`` was measured.
     """
-    deeper, come = depth - memory[DEEP], memory[HEARD_AT] - memory[AVERAGED_AT]
-    memory[DEEP], memory[AVERAGED_AT] = depth, memory[HEARD_AT]
-    if measured > memory[HEARD_AT]:
+    come, new = memory[HEARD_AT] - memory[AVERAGED_AT], measured > memory[HEARD_AT]
+    memory[AVERAGED_AT] = memory[HEARD_AT]
+    if new:
         if depth < -CLEAR_OF:
             _measure_noise(c, memory, -load)
         memory[HEARD_AT], memory[READ_BEFORE], memory[READ] = measured, memory[READ], -load
+    deeper = depth - memory[DEEP]
+    memory[DEEP] = depth
     if not _is_loud(memory):
         _believe(memory, presses)
     elif come > 0.0 or memory[LOUD] <= 0.0:
