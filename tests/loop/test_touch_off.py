@@ -10,6 +10,7 @@ import pytest
 import itouch
 from itouch.loop import DeviceFaultError
 from itouch.loop.touchoff import TouchOffPhase
+from itouch_evidence.surface.draw import Wire
 from itouch_evidence.surface.scenes import Slope
 
 #: A finger that presses a block whose top is 5 mm high while the plate is looked for.
@@ -150,3 +151,18 @@ def test_an_arm_does_not_let_go_as_the_height_of_the_plate_is_found(scenes: Path
             session.tick()
             forces.append(np.linalg.norm(session.state["arm.sent.wrench"][:3]))
     assert np.abs(np.diff(forces)).max() < 0.1
+
+
+@pytest.mark.parametrize("noise", [None, 20.0])
+@pytest.mark.parametrize("error", [-2.0, 2.0])
+@pytest.mark.parametrize(("period", "delay"), [(3e-3, 1e-3), (9e-3, 5e-3)])
+def test_behind_a_wire_the_height_is_found_where_finger_and_plate_were_when_it_was_measured(
+    scenes: Path, period: float, delay: float, error: float, noise: float | None
+) -> None:
+    """A finger in the air gives way to a plate that rises: against where it was later, that seemed 0.04 mm too high."""
+    motion = '<to pos="0 0 40 mm" in="0.1 s" hold="9 s"/>'
+    scene = Slope("", motion, touch_off=True, error=error, noise=noise)
+    with scene.build(scenes, catalog=Wire(period, delay).catalog()) as session:
+        session.run(until=lambda: bool(session.state["ready"]) or session.ticks >= 9000)
+        assert session.state["ready"].item() == 1
+        assert session.state["table.calibration"][2] == pytest.approx(-error * 1e-3, abs=1.2e-5)

@@ -101,7 +101,8 @@ class Reach(NamedTuple):
     """Lengths [m]: ends of the travel, the finger's radius, and the height at which the hand's path begins (NaN: none).
 
     ``x``, ``y``, ``z``: of the plate's top from the point whose pose the table reads; ``near``: greatest speed near a
-    finger [m/s]; ``period``: of a tick [s]; ``damping``: of the finger's pad [N s/m].
+    finger [m/s]; ``period``: of a tick [s]; ``damping``: of the finger's pad [N s/m]; ``wire``: whether its readings
+    are late.
     """
 
     low: float
@@ -114,6 +115,7 @@ class Reach(NamedTuple):
     near: float
     period: float
     damping: float
+    wire: bool
 
 
 @linked
@@ -231,8 +233,13 @@ def _place(search: Any, reach: Any, pose: Floats, x: float, y: float, force: flo
 
 
 @linked
-def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, kept: Floats, pressed: float) -> int:
-    """Raise the plate until it is felt; one that was stopped meanwhile drops first, then rises as slowly again."""
+def _rise(
+    c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, kept: Floats, pressed: float, age: float
+) -> int:
+    """Raise the plate until it is felt; one that was stopped meanwhile drops first, then rises as slowly again.
+
+    ``age``: that of its readings [s].
+    """
     sums, force = search.sums, abs(pressed)
     if search.target[0] - pose[2] > _BEHIND:
         search.target[0] = max(reach.low, search.target[0] - DROP)
@@ -241,7 +248,8 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, kep
         return 0
     noise = _noise(search)
     # Which samples count must not depend on their noise: those that read little would be left out.
-    averages = noise > 0.0 and kept[surface_memory.LOUD] > 0.0
+    # Behind a wire the average goes with how deep the finger seems, which a mount that is not known yet makes wrong.
+    averages = noise > 0.0 and kept[surface_memory.LOUD] > 0.0 and not reach.wire
     averaged = kept[surface_memory.FILTERED] if averages else pressed
     if averaged < max(LEFT, noise):  # what was sampled was noise
         _begin(search)
@@ -249,7 +257,9 @@ def _rise(c: Floats, search: Any, reach: Any, pose: Floats, figures: Floats, kep
     if abs(averaged) > max(SAMPLE, BEGINS * noise) or felt:
         # By its own reading, not by what the modality says that carries it: it is the device that is calibrated.
         held = _damped(reach, figures, kept, SLOWER * RISE if felt else RISE)
-        _sample(search, plate.top(c, pose) - (figures[render.HIP + 2] - reach.radius), force - held)
+        # A finger in the air gives way to the plate: it was where it is now less its way since the plate was there.
+        lowest = figures[render.HIP + 2] - reach.radius - age * kept[surface_memory.SINK]
+        _sample(search, plate.top(c, pose) - lowest, force - held)
     reached = averaged >= FORCE if averages else force >= FORCE + BEYOND * noise
     if reached:
         found = _at_no_force(sums, search.squares[0]) if noise > 0.0 else _at_zero_force(sums)
@@ -295,7 +305,7 @@ def sought(stage: Any, status: Any) -> int:
 @kernel
 def seek(
     c: Floats, search: Any, reach: Any, points: Floats, pose: Floats, load: Floats, figures: Floats, kept: Floats,
-    goal: Floats, closing: Floats, fixed: Any,
+    goal: Floats, closing: Floats, fixed: Any, tick: Any, measured: Any,
 ) -> int:  # fmt: skip
     """Command the table for a tick of a touch-off that is not done; return UNFELT or TOO_HIGH at an end of its travel.
 
@@ -315,6 +325,8 @@ def seek(
         Written: its command (7,), and how fast it may approach the finger [m/s], shape (1,).
     fixed
         Whether frames stay as they are, shape (1,); set to 0 when the calibration changes, because they do then, too.
+    tick, measured
+        The tick, and that in which the pose was measured, shape (1,).
     """
     led = not math.isnan(reach.start) and _lead(c, search, reach)
     force, target = abs(load[2]), search.target
@@ -333,7 +345,8 @@ def seek(
             search.sums[:] = 0.0  # when it is enabled again, the finger has as long again
             return TOO_HIGH
     elif search.stage[0] == _RISE:
-        if _rise(c, search, reach, pose, figures, kept, -load[2]) == UNFELT:
+        age = reach.period * (tick[0] - measured[0])
+        if _rise(c, search, reach, pose, figures, kept, -load[2], age) == UNFELT:
             return UNFELT
     else:
         _release(search, pose, fixed)
@@ -369,14 +382,19 @@ class TouchOff:
         near = table.model.limits.speed_near or 0.0
         carried = contact_step.model.surfaces.get(contact_step.probe.name)
         damping = carried.pad_damping if carried is not None else 0.0
-        reach = Reach(*map(float, (low, high, contact_step.probe.scene.radius, start, *offset, near, period, damping)))
+        x, y, z = map(float, offset)
+        reach = Reach(
+            float(low), float(high), float(contact_step.probe.scene.radius), start, x, y, z, near, period, damping,
+            bool(table.model.wire),
+        )  # fmt: skip
         angles = [math.pi / 2 + 2 * math.pi * point / count for point in range(count)]
         points = np.array([(SPREAD * math.cos(angle), SPREAD * math.sin(angle)) for angle in angles])
         self._load = table.read_as(Role.CONTACT_FORCE)
         search_on = Bound(
             seek, contact_step.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
             self._load, contact_step.figures, contact_step.surface, table.commanded(Role.SURFACE_POSE),
-            table.gate.actuation.moving.closing, fixed,
+            table.gate.actuation.moving.closing, fixed, state["tick"].reshape(1),
+            table.gate.acquisition.measured_of(Role.TRACKED_POSE),
         )  # fmt: skip
         #: One tick of it as compiled calls, which must be the last ones of their step.
         self.bounds = (Bound(sought, self.stage.reshape(1), table.latch.seen), search_on)

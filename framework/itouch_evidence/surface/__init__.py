@@ -26,11 +26,10 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--random", type=int, default=56, metavar="N", help="number of random scenes (default 56)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the scenes (default 0)")
     parser.add_argument("--only", type=int, metavar="K", help="the scene of this number alone, with all its figures")
-    kinds = parser.add_mutually_exclusive_group()
-    kinds.add_argument("--wire", action="store_true", help="the same scenes with a random wire between loop and table")
-    kinds.add_argument("--wide", action="store_true", help="scenes of a wider kind: other rates of the loop, force "
-                       "sensors, fingers and clearances, laws of heat, a touch-off, neighbours of other heights, "
-                       "bodies that are pushed")  # fmt: skip
+    parser.add_argument("--wire", action="store_true", help="the same scenes with a random wire between loop and table")
+    parser.add_argument("--wide", action="store_true", help="scenes of a wider kind: other rates of the loop, force "
+                        "sensors, fingers and clearances, laws of heat, a touch-off, neighbours of other heights, "
+                        "bodies that are pushed; with --wire, these behind wires")  # fmt: skip
     parser.add_argument("--keep", metavar="FILE", help="add each result to this file, run only what it has not, and "
                         "sum up all that it has")  # fmt: skip
     options = parser.parse_args(argv)
@@ -41,7 +40,7 @@ def main(argv: Sequence[str]) -> int:
     numbers = range(options.random) if options.only is None else (options.only,)
     full = options.only is not None
     try:
-        kind = "wire" if options.wire else "wide" if options.wide else ""
+        kind = " ".join(name for name in OPTIONS if getattr(options, name))
         return 1 if campaign(numbers, options.seed, options.keep, full=full, kind=kind) else 0
     except MixedError as error:
         parser.error(str(error))
@@ -51,8 +50,10 @@ class MixedError(ValueError):
     """The file of results has scenes of another kind."""
 
 
-#: How scenes are called: of the kind that each option draws, and of the usual one.
-KINDS = {"": "of the usual kind", "wire": "behind wires", "wide": "of a wider kind"}
+#: The options that choose a kind of scenes, in the order in which its name has them; and how scenes of each are called.
+OPTIONS = ("wide", "wire")
+KINDS = {"": "of the usual kind", "wire": "behind wires", "wide": "of a wider kind", "wide wire": "of a wider kind "
+         "behind wires"}  # fmt: skip
 
 
 def campaign(
@@ -100,11 +101,14 @@ def run(number: int, seed: int, folder: Path, *, kind: str = "") -> dict[str, An
     If it was stopped by a trip, that is its only figure, with the ``cause``.  ``folder`` holds the shipped scenes, and
     this one is written there; ``kind``: one of `KINDS`.
     """
-    family, scene = draw_wide(number, seed, folder) if kind == "wide" else draw(number, seed, folder)
-    wire = draw_wire(number, seed) if kind == "wire" else None
+    wide, wired = (option in kind.split() for option in OPTIONS)
+    family, scene = draw_wide(number, seed, folder) if wide else draw(number, seed, folder)
+    wire = draw_wire(number, seed) if wired else None
     row: dict[str, Any] = {"family": family}
-    if kind:
-        row[kind] = str(wire) if wire else widths(scene)
+    if wide:
+        row["wide"] = widths(scene)
+    if wire:
+        row["wire"] = str(wire)
     session = scene.build(folder, catalog=wire.catalog() if wire else None)
     table = session.model.devices["table"]
     try:
@@ -127,8 +131,8 @@ def _tell(row: dict[str, Any], *, full: bool) -> None:
     shown = [law for law in (*LAWS, VIRTUAL) if law.name in (figures if full else wrong)]
     said = ", ".join(f"{law.name} {_figure(law, figures[law.name])}" for law in shown)
     cause = f" ({row['cause']})" if "cause" in row else ""
-    shown_as = f"--seed {row['seed']} --only {row['number']}{f' --{kind}' if kind else ''}"
-    what = f"{row['family']}, {row[kind]}" if kind else row["family"]
+    shown_as = f"--seed {row['seed']} --only {row['number']}" + "".join(f" --{option}" for option in kind.split())
+    what = ", ".join((row["family"], *(row[option] for option in kind.split() if row[option])))
     print(f"{shown_as} ({what}): {'WRONG: ' * bool(wrong)}{said}{_at_best(row, shown)}{cause}", flush=True)
 
 
@@ -147,7 +151,7 @@ def _figure(law: Law, value: float) -> str:
 
 
 def _kind(row: dict[str, Any]) -> str:
-    return next((kind for kind in KINDS if kind in row), "")
+    return " ".join(option for option in OPTIONS if option in row)
 
 
 def _sum_up(rows: list[dict[str, Any]], seeds: list[int], kind: str) -> int:
@@ -157,11 +161,11 @@ def _sum_up(rows: list[dict[str, Any]], seeds: list[int], kind: str) -> int:
     print(f"{len(rows)} random scenes of seed {', '.join(map(str, seeds))}{which}, "
           f"{changes} changes between arm and plate, {len(wrong)} scenes break a law")  # fmt: skip
     print(f"{'law':<8} {'bound':>8} {'worst':>10} {'broken':>14}")
-    for law in LAWS_WIRED if kind == "wire" else LAWS:
+    for law in LAWS_WIRED if "wire" in kind.split() else LAWS:
         print(_line(law, rows))
     itself = sum(row["figures"].get(VIRTUAL.name, 0.0) > VIRTUAL.bound for row in rows)
     print(f"{VIRTUAL.says}: {itself} scenes")
-    if kind == "wire":
+    if "wire" in kind.split():
         print(_out_of_reach(rows))
     return len(wrong)
 
