@@ -179,9 +179,14 @@ def test_the_bench_judges_scenes_of_a_wider_kind(tmp_path: Path, capsys: pytest.
         main(["--only", "0", "--seed", "9", "--keep", kept])
     assert ended.value.code == 2
     assert "has scenes of a wider kind: keep these in another file" in capsys.readouterr().err
-    with pytest.raises(SystemExit) as ended:
-        main(["--only", "0", "--wide", "--wire"])
-    assert ended.value.code == 2
+    both = str(tmp_path / "both.jsonl")
+    assert main(["--only", "7", "--wide", "--wire", "--seed", "9", "--keep", both]) == 0  # those behind wires
+    wire, said = draw_wire(7, 9), capsys.readouterr().out.splitlines()
+    assert said[0].startswith(f"--seed 9 --only 7 --wide --wire (neighbours, {widths(scene)}, {wire}): ")
+    assert said[1].startswith("1 random scenes of seed 9 of a wider kind behind wires, ")
+    with pytest.raises(SystemExit):
+        main(["--only", "0", "--wire", "--keep", both])
+    assert "has scenes of a wider kind behind wires: keep these in another file" in capsys.readouterr().err
 
 
 def test_a_pad_is_judged_by_its_own_stiffness(folder: Path) -> None:

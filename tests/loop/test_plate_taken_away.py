@@ -58,8 +58,9 @@ def test_what_a_modality_does_not_say_of_its_surface_is_as_it_was_read(
     own: Any = SimpleNamespace(c=None, figures=None, kept=np.zeros(at.MEMORY))
     objects: Any = SimpleNamespace(world=None, mesh=None, poses=None, twists=None)
     below, read = np.zeros(1, np.int64), np.array((0.0, 0.0, -1.5, 0.0, 0.0, 0.0))
-    parts = np.zeros(7), read, np.array([presses]), np.array([risen]), below, np.zeros(3), np.zeros(3), np.zeros(3)
-    assert python_of(probe_steps.look_below)(own, objects, *parts, False) == 0
+    said = np.array([presses]), np.array([risen]), np.array([0.01])
+    parts = np.zeros(7), read, *said, below, np.zeros(3), np.zeros(3), np.zeros(3)
+    assert python_of(probe_steps.look_below)(own, objects, *parts, np.zeros(0, np.int64), False) == 0
     assert (told, below.tolist()) == ([load, higher], [3])
 
 

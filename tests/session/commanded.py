@@ -2,8 +2,9 @@
 
 Of each command of each device there is a number for each half second: what was sent in each of its ticks, weighted by
 what looks like chance and is always the same, and added up.  A command that changes anywhere changes its number.  They
-hold within a millionth on any processor; ``exact`` is a digest of all bytes that were sent, for processors like the one
-that they were made on.
+hold within a millionth on any processor, those of a current, in which the last bits grow (it follows what an estimator
+learns of the display), within a ten-thousandth; ``exact`` is a digest of all bytes that were sent, for processors like
+the one that they were made on.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ import itouch
 from itouch.shipped import fits, processor_flags
 
 FILE = Path(__file__).parent / "golden" / "commands.json"
+#: By how much numbers may differ on another processor [1].  Of a current 2e-5 were seen, with the program of the very
+#: commit that had written the numbers elsewhere.
+OF_ANY, OF_CURRENT = 1e-6, 1e-4
 #: Longest part of a scene [s], and what a number is of [s].
 LONGEST, PART = 14.0, 0.5
 
@@ -84,7 +88,8 @@ def same(now: dict[str, Any], before: dict[str, Any], advice: str) -> None:
     assert (now["ticks"], now["fault"], set(now)) == (before["ticks"], before["fault"], set(before)), advice
     for command in set(now) - {"ticks", "fault", "exact"}:
         one, other = (np.array(numbers[command], float) for numbers in (now, before))
-        apart = np.abs(one - other) > 1e-6 * max(1e-3, np.abs(other).max())
+        most = OF_CURRENT if command.endswith(".current") else OF_ANY
+        apart = np.abs(one - other) > most * max(1e-3, np.abs(other).max())
         assert not apart.any(), f"{command} differs from {0.5 * int(np.argmax(apart)):g} s on; {advice}"
     if machine() == kept()["machine"]:
         assert now["exact"] == before["exact"], f"the last bits differ; {advice}"

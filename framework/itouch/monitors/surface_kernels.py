@@ -209,10 +209,11 @@ def rise(nearing: Any, pressed: float) -> float:
         return float((UNSEEN_LATE if said >= 0.0 else UNSEEN) + unsure + stiffness * way + since)
     beyond = nearing.finger[2] - radius - nearing.top[0] - SOON - way
     part = 1.0 if beyond <= 0.0 else max(0.0, 1.0 - beyond / (RAMP * period * max(closing, SLOW)))
-    # A step of the arm's reading is no faster finger: with the most that it may make, it makes no difference.
+    # A step of the arm's reading is no faster finger: with the most that it may make, it makes no difference.  Behind a
+    # wire the surface steps by more.
     stepped = min(STEPPED, UNSEEN / (damping + LATE * period * stiffness))
     steadily = nearing.rising[0] - nearing.sink[0] + stepped
-    if steadily > closing:
+    if steadily > closing and said < 0.0:
         closing, way = steadily, LATE * period * steadily
     return float(part * (UNSEEN + unsure + stiffness * way + damping * closing))
 
