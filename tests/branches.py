@@ -1,8 +1,9 @@
 """Which tests reach every branch of the supervisor: ``python tests/branches.py`` writes ``tests/safety/branches.txt``.
 
 With the compiler off, so that coverage sees the branches of compiled functions as Python runs them.  Of all tests that
-need no scene, those are chosen that reach most by what each second buys; ``tests/safety/test_only_path.py`` runs these
-alone, as with the compiler off all of them would take minutes.  With the compiler all of them run, as other tests do.
+need no scene, those are chosen that reach most by what each second buys; ``tests/safety/test_single_hardware_path.py``
+runs these alone, as with the compiler off all of them would take minutes.  With the compiler all of them run, as other
+tests do.
 """
 
 from __future__ import annotations

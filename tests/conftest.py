@@ -46,28 +46,31 @@ if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
 
 #: The files that take long and need nothing compiled: one worker begins with them while the others wait for that.
 UNCOMPILED = (
-    "test_only_path", "test_bad_answers_of_a_t7", "test_house", "test_no_name_decides", "test_rigs_with_habits",
-    "test_session_baud", "test_strange_instruments", "test_arrays", "test_busy_can_bus", "test_thread", "test_editors",
-    "test_power_and_exports", "test_study", "test_links", "test_units_oracle", "test_controllers_with_habits",
-    "test_moteus", "test_falcon_matrix", "test_falcon_faults", "test_falcon_usb", "test_blind_legs", "test_serialport",
-    "test_sweep_benches", "test_pages", "test_bounded_memory", "test_mutation", "test_gltf_oracle", "test_bench_wire",
-    "test_sweep_store", "test_module_with_habits", "test_servos_with_habits", "test_falcon_stranger", "test_plans",
-    "test_parameters", "test_dataclasses", "test_one_importer", "test_one_home", "test_plugins_import",
+    "test_single_hardware_path", "test_bad_answers_of_a_t7", "test_house", "test_no_hardcoded_names",
+    "test_rigs_with_habits", "test_session_baud", "test_strange_instruments", "test_arrays", "test_busy_can_bus",
+    "test_thread", "test_editors", "test_power_and_exports", "test_study", "test_links", "test_units_oracle",
+    "test_controllers_with_habits", "test_moteus", "test_falcon_matrix", "test_falcon_faults", "test_falcon_usb",
+    "test_blind_retreat_legs", "test_serialport", "test_sweep_benches", "test_pages", "test_bounded_memory",
+    "test_mutation", "test_gltf_oracle", "test_bench_wire", "test_sweep_store", "test_module_with_habits",
+    "test_servos_with_habits", "test_falcon_stranger", "test_plans", "test_parameters", "test_dataclasses",
+    "test_one_importer", "test_one_home", "test_plugins_import",
 )  # fmt: skip
 
 #: The files that take longest, longest first, as a worker that began one of them last would be waited for; between them
 #: those that wait for clocks and wires, so that one worker waits while the others compute.
 LONGEST = (
-    "test_exchanged", "test_emulator_suites", "test_matrix", "test_four_materials", "test_rearmed_anew",
-    "test_bench_surface", "test_every_entrance", "test_stopped_while_devices_open", "test_study_on_hardware",
-    "test_tmcl", "test_wires_in_use", "test_deaths", "test_recorder", "test_attack_findings", "test_protections",
-    "test_outside_plugin", "test_launch", "test_laws_of_a_stop", "test_laws", "test_shelves", "test_device_opening",
-    "test_progress", "test_faults_in_flight", "test_limits_everywhere", "test_stale_answers", "test_left_after_a_stop",
-    "test_live_window", "test_external_control", "test_harm_from_inside", "test_own_guardian", "test_changes_of_hands",
-    "test_commands_line", "test_sweeping", "test_hanging_process", "test_command_options", "test_restore",
-    "test_gc_policy", "test_memory", "test_thermal_drivers", "test_listeners_in_a_stop", "test_irregular_timing",
-    "test_compiling", "test_shipped", "test_sequence", "test_operator_commands", "test_joined", "test_device_suite",
-    "test_from_recordings", "test_reproduce", "test_estimator", "test_layouts",
+    "test_fault_matrix_over_exchanges", "test_emulator_suites", "test_fault_matrix", "test_four_materials",
+    "test_rearming", "test_bench_surface", "test_commands_with_renamed_channels", "test_stop_during_device_opening",
+    "test_study_on_hardware", "test_tmcl", "test_wires_in_use", "test_process_deaths", "test_recorder",
+    "test_attack_regressions", "test_protections", "test_outside_plugin", "test_launch", "test_blind_retreat_laws",
+    "test_laws", "test_shelves", "test_device_opening", "test_progress", "test_restore_with_active_faults",
+    "test_limits_after_restore", "test_stale_answers", "test_device_motion_after_stop", "test_live_window",
+    "test_external_control", "test_harmful_plugin_code", "test_guardian_for_scripts",
+    "test_contact_handover_continuity", "test_realtime_commands", "test_sweeping", "test_hanging_process",
+    "test_command_options", "test_restore", "test_gc_policy", "test_memory", "test_thermal_drivers",
+    "test_listener_errors_during_stop", "test_irregular_timing", "test_compiling", "test_shipped", "test_sequence",
+    "test_operator_commands", "test_compiled_equals_python", "test_device_suite", "test_continue_from_recording",
+    "test_reproduce", "test_estimator", "test_state_layout_changes",
 )  # fmt: skip
 
 
@@ -114,7 +117,7 @@ for shapes in (proxy.geometry, box):  # as a modality that computes contact call
 
 @pytest.fixture(scope="session", autouse=True)
 def no_guardian() -> Generator[None]:
-    """Drive fake hardware here without a guardian, which could not open it: tests/servo/test_own_guardian.py has one."""
+    """Give fake hardware no guardian, which cannot open it: tests/servo/test_guardian_for_scripts.py has one."""
     from itouch.session import Session
 
     with pytest.MonkeyPatch.context() as patched:

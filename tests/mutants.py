@@ -62,7 +62,8 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
         "study/test_power_and_exports.py", "study/test_report_intervals.py",
     )),
     "plugin": ("framework/itouch/plugin", (
-        "plugin", "world", "loop/test_engine.py", "loop/test_one_writer_of_commands.py", "compiling/test_plugin_noise.py",
+        "plugin", "world", "loop/test_engine.py", "loop/test_modality_write_protection.py",
+        "compiling/test_plugin_noise.py",
     )),
     "twin": ("framework/itouch/twin", ("twin", "loop/test_engine.py", "world/test_coupling.py")),
     "viewer": ("framework/itouch_tools/viewer", ("viewer/test_picture_content.py", "viewer/test_recording_seek.py")),

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import campaign
 import pytest
-from test_unknown_devices import Nothing, catalog
+from test_third_party_device_supervision import Nothing, catalog
 
 import itouch
 from itouch.loop import WallClock

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import pytest
 from punctuality import skip_unless_punctual
-from test_unknown_devices import Nothing, catalog, scene
+from test_third_party_device_supervision import Nothing, catalog, scene
 
 import itouch
 from itouch.exchange import ThreadedDevice

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from test_unknown_devices import Nothing, catalog, scene
+from test_third_party_device_supervision import Nothing, catalog, scene
 
 import itouch
 from itouch.loop import WallClock

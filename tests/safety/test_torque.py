@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from small_devices import TABLE
-from test_finger import hand, press
-from test_several_of_a_kind import HELD, built
-from test_unknown_devices import Nothing, catalog
+from test_limits_per_finger import hand, press
+from test_multiple_channels_per_device import HELD, built
+from test_third_party_device_supervision import Nothing, catalog
 
 from itouch.plugin import Channel, Device, Record, pose, wrench
 from itouch.session.building import load_scene

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_rearmed_anew import goes_on, rearm, rig, stopped
+from test_rearming import goes_on, rearm, rig, stopped
 
 import itouch
 from itouch.exchange import ThreadedDevice

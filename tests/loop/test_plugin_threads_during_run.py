@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_failing_plugins import Hum, Rod, RodTwin, engine
+from test_plugin_fault_isolation import Hum, Rod, RodTwin, engine
 
 import itouch
 from itouch.plugin import Record

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from small_devices import TABLE, Asked
 from test_irregular_timing import Exchanges
-from test_unknown_devices import Entry, Nothing, catalog, scene
+from test_third_party_device_supervision import Entry, Nothing, catalog, scene
 
 import itouch
 from itouch.exchange import ThreadedDevice

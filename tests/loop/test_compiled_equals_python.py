@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from shipped import SCENES
-from test_failing_plugins import SCENE, Hum, engine
+from test_plugin_fault_isolation import SCENE, Hum, engine
 
 import itouch
 from itouch.loop import Engine

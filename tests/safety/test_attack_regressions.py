@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from test_irregular_timing import K0, Pad
-from test_unknown_devices import Nothing, Plate, catalog, plate, scene
+from test_third_party_device_supervision import Nothing, Plate, catalog, plate, scene
 
 import itouch
 from itouch.loop import WallClock

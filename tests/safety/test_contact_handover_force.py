@@ -8,7 +8,7 @@ import random
 import numpy as np
 import pytest
 from campaign import seeds
-from test_two_on_one_finger import DISPLAY, SCENE, SECOND, TABLE
+from test_two_devices_per_finger import DISPLAY, SCENE, SECOND, TABLE
 
 import itouch
 from itouch.monitors import Trip

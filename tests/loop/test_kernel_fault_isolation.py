@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_failing_plugins import Hum, Rod, RodTwin, engine
+from test_plugin_fault_isolation import Hum, Rod, RodTwin, engine
 
 import itouch
 from itouch import joining
@@ -138,7 +138,7 @@ def test_a_kernel_that_raises_makes_safe_and_is_named(
     with pytest.raises(itouch.DeviceFaultError) as caught:
         session.run()
     assert (caught.value.device, caught.value.trip) == ("arm", trip)
-    assert f"{cause}: ValueError: no such tone (test_failing_kernels.py, line " in caught.value.cause
+    assert f"{cause}: ValueError: no such tone (test_kernel_fault_isolation.py, line " in caught.value.cause
     assert isinstance(caught.value.__cause__, ValueError | itouch.ItouchError)
     assert session.status("arm").name == "FAULT"
     assert not session.state["arm.sent.wrench"].any()

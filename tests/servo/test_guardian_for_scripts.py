@@ -16,7 +16,7 @@ from typing import Any
 import campaign
 import pytest
 from punctuality import skip_unless_punctual
-from test_harm_from_inside import PLUGIN, SCENE
+from test_harmful_plugin_code import PLUGIN, SCENE
 from third_party_plugins import install
 
 import itouch

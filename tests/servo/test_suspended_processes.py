@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from test_harm_from_inside import PLUGIN, SCENE
+from test_harmful_plugin_code import PLUGIN, SCENE
 from third_party_plugins import install
 
 import itouch

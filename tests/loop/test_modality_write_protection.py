@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_failing_plugins import Hum, engine
+from test_plugin_fault_isolation import Hum, engine
 
 import itouch
 from itouch.loop.write_access import WriteGuard, WriteGuards, mended

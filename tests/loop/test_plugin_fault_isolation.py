@@ -165,7 +165,7 @@ def test_a_modality_that_raises_makes_safe_and_is_named(tmp_path: Path, method: 
     fault = caught.value
     assert fault.trip is Trip.MODALITY_ERROR
     assert fault.device == "arm"
-    assert f"failed in {method}: KeyError: 'no such tone' (test_failing_plugins.py, line " in fault.cause
+    assert f"failed in {method}: KeyError: 'no such tone' (test_plugin_fault_isolation.py, line " in fault.cause
     assert isinstance(fault.__cause__, KeyError)
     assert session.status("arm").name == "FAULT"
     assert not session.state["arm.sent.wrench"].any()
@@ -261,7 +261,7 @@ def test_what_measures_returns_is_a_figure_where_it_can_be_one(tmp_path: Path) -
     assert "returned a value of type object as 'thing'" in told
     assert "under 5, which is no text" in told
     assert "under 'begin_s', which is the framework's own" in told
-    assert told.count("(test_failing_plugins.py, line ") == 4
+    assert told.count("(test_plugin_fault_isolation.py, line ") == 4
     assert report["modalities"]["hum"]["all"] == [session.state["hum.count"].item(), None]
     assert "report returned a value of type object as 'all[1]'" in report["modalities"]["hum"]["error"]
 
@@ -283,7 +283,7 @@ def test_measures_that_is_wrong_when_it_is_rehearsed_is_a_problem_of_the_scene(
     tmp_path: Path, wrong: Any, why: str
 ) -> None:
     with pytest.raises(
-        itouch.SceneError, match=rf"modality 'hum': measures .*{why}.*\(test_failing_plugins.py, line"
+        itouch.SceneError, match=rf"modality 'hum': measures .*{why}.*\(test_plugin_fault_isolation.py, line"
     ) as caught:
         engine(tmp_path, tells(wrong, {}))
     (problem,) = caught.value.problems
@@ -298,7 +298,7 @@ def test_measures_that_exits_does_not_lose_the_entry(tmp_path: Path) -> None:
     session.run()
     (contact,) = session.report()["contacts"]
     assert contact["end_s"] is not None
-    assert "failed in measures: SystemExit: 5 (test_failing_plugins.py, line " in contact["hum_error"]
+    assert "failed in measures: SystemExit: 5 (test_plugin_fault_isolation.py, line " in contact["hum_error"]
 
 
 def test_ctrl_c_while_the_entry_of_a_contact_is_made_does_not_lose_it(tmp_path: Path) -> None:
@@ -372,7 +372,7 @@ def test_what_fails_in_the_first_step_or_reading_of_a_twin_is_named_with_its_pla
         with pytest.raises(itouch.SceneError, match=f"failed in {where}: KeyError: 'no such field'") as caught:
             engine(tmp_path, None, type("Bent", (Rod,), {"Twin": broken(RodTwin, method, act)}))
         (problem,) = caught.value.problems
-        assert "(test_failing_plugins.py, line " in problem.sentence  # not where the framework noticed it
+        assert "(test_plugin_fault_isolation.py, line " in problem.sentence  # not where the framework noticed it
         assert problem.place is not None and problem.place.line == 4
 
 
@@ -385,7 +385,9 @@ def test_a_reading_that_is_not_there_is_put_down_to_the_line_that_wrote_it(tmp_p
 
     twin = type("Bent", (RodTwin,), {"read": act, "step": lambda *rest: None})
     session = engine(tmp_path, None, type("Bent", (Rod,), {"Twin": twin}))
-    with pytest.raises(itouch.DeviceFaultError, match=r"failed in read: KeyError: 'twist' \(test_failing_plugins.py, "):
+    with pytest.raises(
+        itouch.DeviceFaultError, match=r"failed in read: KeyError: 'twist' \(test_plugin_fault_isolation.py, "
+    ):
         session.run()
     session.close()
 
@@ -511,7 +513,7 @@ def test_what_a_device_class_answers_is_a_problem_of_the_scene_if_it_can_not_be_
     device = type("Odd", (Rod,), {"Twin": RodTwin, method: classmethod(lambda cls, *rest: answer)})
     told = refused(tmp_path, None, device)
     assert why in told
-    assert "(test_failing_plugins.py, line " in told
+    assert "(test_plugin_fault_isolation.py, line " in told
 
 
 @pytest.mark.parametrize(
@@ -522,7 +524,7 @@ def test_a_device_class_that_fails_when_it_is_asked_is_a_problem_of_the_scene(tm
         raise SystemExit(7)
 
     told = refused(tmp_path, None, type("Odd", (Rod,), {"Twin": RodTwin, method: classmethod(act)}))
-    assert "SystemExit: 7 (test_failing_plugins.py, line " in told
+    assert "SystemExit: 7 (test_plugin_fault_isolation.py, line " in told
 
 
 @pytest.mark.parametrize(
@@ -571,7 +573,7 @@ def test_what_a_modality_answers_is_a_problem_of_the_scene_if_it_can_not_be_used
 ) -> None:
     told = refused(tmp_path, broken(Hum, method, lambda self, *rest: answer), None)
     assert why in told
-    assert "(test_failing_plugins.py, line " in told
+    assert "(test_plugin_fault_isolation.py, line " in told
 
 
 @pytest.mark.parametrize("method", ["notices", "reads"])
@@ -580,7 +582,7 @@ def test_a_modality_that_fails_when_it_is_asked_is_a_problem_of_the_scene(tmp_pa
         raise SystemExit(7)
 
     told = refused(tmp_path, broken(Hum, method, act), None)
-    assert f"failed in {method}: SystemExit: 7 (test_failing_plugins.py, line " in told
+    assert f"failed in {method}: SystemExit: 7 (test_plugin_fault_isolation.py, line " in told
 
 
 @pytest.mark.parametrize("method", ["bound_step", "bound_read"])
@@ -591,14 +593,14 @@ def test_a_compiled_form_of_a_twin_that_is_none_is_a_problem_of_the_scene(
     device = type("Odd", (Rod,), {"Twin": broken(RodTwin, method, lambda self, *rest: 3.0)})
     text = SCENE.replace("</itouch>", f"{fault}</itouch>")
     told = refused_text(tmp_path, text, device)
-    assert "it returned 3.0; a Bound or None is wanted (test_failing_plugins.py, line " in told
+    assert "it returned 3.0; a Bound or None is wanted (test_plugin_fault_isolation.py, line " in told
 
 
 @pytest.mark.parametrize(
     ("act", "why"),
     [
-        (lambda: 3.0, "returned a value of type float; words are wanted (test_failing_plugins.py, line "),
-        (lambda: exit(5), "failed in {}: SystemExit: 5 (test_failing_plugins.py, line "),
+        (lambda: 3.0, "returned a value of type float; words are wanted (test_plugin_fault_isolation.py, line "),
+        (lambda: exit(5), "failed in {}: SystemExit: 5 (test_plugin_fault_isolation.py, line "),
     ],
     ids=["number", "exits"],
 )
@@ -655,7 +657,7 @@ def test_a_call_that_can_not_be_joined_is_a_problem_of_the_scene(tmp_path: Path,
     told = refused(tmp_path, modality, None)
     assert why in told
     assert "failed in bound_update: its call cannot be joined: " in told
-    assert "(test_failing_plugins.py, line " in told
+    assert "(test_plugin_fault_isolation.py, line " in told
 
 
 DECLARED = [
@@ -714,4 +716,4 @@ def test_a_driver_that_can_not_be_made_is_a_problem_of_the_scene(tmp_path: Path,
     text = SCENE.replace('plugin="{plugin}"', 'plugin="{plugin}" twin="no"')
     told = refused_text(tmp_path, text, device)
     assert f"device 'arm' failed in the making of its driver: {type(error).__name__}: " in told
-    assert "(test_failing_plugins.py, line " in told
+    assert "(test_plugin_fault_isolation.py, line " in told
