@@ -87,7 +87,7 @@ def test_a_check(record_property):
 @pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["alone", "workers"])
 def test_where_ci_is_set_nothing_is_left_out_but_what_is_meant_to_be(tmp_path: Path, workers: tuple[str, ...]) -> None:
     (tmp_path / "tests").mkdir()
-    (tmp_path / "tests" / "test_left_out.py").write_text(LEFT_OUT, encoding="utf-8")
+    (tmp_path / "tests" / "test_incomplete_plugins.py").write_text(LEFT_OUT, encoding="utf-8")
     (tmp_path / "listed.py").write_text(PLUGIN, encoding="utf-8")
     for name in ("short_form.txt", "long_form.txt"):
         (tmp_path / name).write_text("", encoding="utf-8")

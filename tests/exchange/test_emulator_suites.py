@@ -35,7 +35,7 @@ class TestDisplay(EmulatorTests):
     device, name = ThermalDisplay, "thermal"
 
 
-@pytest.mark.long  # what averaging changes is tested by itself: tests/plugins/thermal_drivers/test_averaging.py
+@pytest.mark.long  # what averaging changes is tested by itself: tests/plugins/thermal_drivers/test_t7_averaging.py
 class TestDisplayThatAverages(EmulatorTests):
     device, name = ThermalDisplay, "thermal"
     params: ClassVar[DisplayParams] = DisplayParams(  # a mean is compared with a single sample: there is no noise

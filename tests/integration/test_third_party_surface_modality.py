@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_outside_surface import PLUGIN, SCENE
+from test_third_party_surface import PLUGIN, SCENE
 from third_party_plugins import install
 
 import itouch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_outside_plugin import run
+from test_third_party_plugin import run
 from third_party_plugins import pip_install
 
 SOURCE = Path(__file__).parents[1] / "outside" / "itouch-electrotactile"

@@ -1,6 +1,6 @@
 """Golden transcripts of the display's instruments, made by this file as a script; read against the protocols.
 
-``PYTHONPATH=tests python tests/plugins/thermal_drivers/test_golden_wires.py [NAME ...]`` makes them anew.
+``PYTHONPATH=tests python tests/plugins/thermal_drivers/test_golden_transcripts.py [NAME ...]`` makes them anew.
 """
 
 from __future__ import annotations

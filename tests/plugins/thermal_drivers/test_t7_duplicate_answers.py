@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
-from test_bad_answers_of_a_t7 import BadT7
+from test_t7_bad_answers import BadT7
 
 from itouch_thermal.drivers.modbus import ModbusLine
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shipped import SCENES
-from test_carried_by_a_modality import ASKED, EXAMPLE
-from test_outside_surface import PLUGIN, SCENE
+from test_third_party_surface import PLUGIN, SCENE
+from test_third_party_surface_modality import ASKED, EXAMPLE
 from third_party_plugins import install
 
 import itouch

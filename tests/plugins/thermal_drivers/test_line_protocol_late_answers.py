@@ -17,8 +17,8 @@ import numpy as np
 import pymodbus.client
 import pytest
 from pymodbus.exceptions import ModbusIOException
-from test_rigs_with_habits import OwnRig
-from test_rigs_with_habits import on_a_line as on_a_terminal
+from test_line_protocol_variants import OwnRig
+from test_line_protocol_variants import on_a_line as on_a_terminal
 
 from itouch.exchange.thread import ThreadedDevice
 from itouch.plugin import Field, Record, Timestamps, stamps
