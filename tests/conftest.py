@@ -46,14 +46,15 @@ if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
 
 #: The files that take long and need nothing compiled: one worker begins with them while the others wait for that.
 UNCOMPILED = (
-    "test_single_hardware_path", "test_t7_bad_answers", "test_house", "test_no_hardcoded_names",
-    "test_line_protocol_variants", "test_session_baud", "test_instrument_protocol_variants", "test_arrays",
+    "test_single_hardware_path", "test_t7_bad_answers", "test_repository_rules", "test_no_hardcoded_names",
+    "test_line_protocol_variants", "test_session_baud", "test_instrument_protocol_variants", "test_array_docstrings",
     "test_busy_can_bus", "test_thread", "test_editors", "test_power_and_exports", "test_study", "test_links",
     "test_units_oracle", "test_tec_controller_refusals", "test_moteus", "test_falcon_fault_matrix",
     "test_falcon_faults", "test_falcon_usb", "test_blind_retreat_legs", "test_serialport", "test_sweep_benches",
     "test_pages", "test_bounded_memory", "test_mutation", "test_gltf_oracle", "test_bench_wire", "test_sweep_store",
     "test_tmcl_protocol_variants", "test_servo_protocol_variants", "test_falcon_protocol_variants", "test_plans",
-    "test_parameters", "test_dataclasses", "test_one_importer", "test_one_home", "test_plugins_import",
+    "test_parameters", "test_dataclasses", "test_single_importer_modules", "test_duplicate_constants",
+    "test_plugins_import",
 )  # fmt: skip
 
 #: The files that take longest, longest first, as a worker that began one of them last would be waited for; between them
@@ -63,7 +64,7 @@ LONGEST = (
     "test_rearming", "test_bench_surface", "test_commands_with_renamed_channels", "test_stop_during_device_opening",
     "test_study_on_hardware", "test_tmcl", "test_wires_in_use", "test_process_deaths", "test_recorder",
     "test_attack_regressions", "test_protections", "test_third_party_plugin", "test_launch", "test_blind_retreat_laws",
-    "test_laws", "test_shelves", "test_device_opening", "test_progress", "test_restore_with_active_faults",
+    "test_laws", "test_package_layers", "test_device_opening", "test_progress", "test_restore_with_active_faults",
     "test_limits_after_restore", "test_servo_stale_answers", "test_device_motion_after_stop", "test_live_window",
     "test_external_control", "test_harmful_plugin_code", "test_guardian_for_scripts",
     "test_contact_handover_continuity", "test_realtime_commands", "test_sweeping", "test_hanging_process",

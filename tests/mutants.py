@@ -50,7 +50,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     **{name: (f"framework/itouch_tools/{name}", (name,)) for name in ("report", "sound", "study")},
     "export": ("framework/itouch_tools/export", ("export", "recording", "cli/test_session_commands.py")),
     "authoring": ("framework/itouch_tools/authoring", ("authoring", "scene")),
-    "scene": ("framework/itouch/scene", ("scene", "authoring", "meaning", "twin/test_waits.py", PAGE)),
+    "scene": ("framework/itouch/scene", ("scene", "authoring", "meaning", "twin/test_hand_skin_waits.py", PAGE)),
     "schema": ("framework/itouch/schema", ("schema", "scene", "authoring", PAGE)),
     "faults": ("framework/itouch/faults", ("faults",)),
     "servo": ("framework/itouch/servo", (
@@ -63,7 +63,7 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
     )),
     "plugin": ("framework/itouch/plugin", (
         "plugin", "world", "loop/test_engine.py", "loop/test_modality_write_protection.py",
-        "compiling/test_plugin_noise.py",
+        "compiling/test_compiled_noise.py",
     )),
     "twin": ("framework/itouch/twin", ("twin", "loop/test_engine.py", "world/test_coupling.py")),
     "viewer": ("framework/itouch_tools/viewer", ("viewer/test_picture_content.py", "viewer/test_recording_seek.py")),

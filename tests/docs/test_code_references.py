@@ -119,7 +119,7 @@ def test_constants_of_other_modules_that_a_docstring_names_exist() -> None:
     ("text", "of_decision", "found"),
     [
         ("`cli/report.py`, `.ci/run`, `tests/docs/`, `itouch.Session`, `itouch.devices`, `itouch.build(scene)`", True, []),
-        ("`test_named_code.py`, `loop/plan.py::build`, `m/s`, `servo.culprits`", True, []),
+        ("`test_code_references.py`, `loop/plan.py::build`, `m/s`, `servo.culprits`", True, []),
         ("`cli/reports.py`, `loop/tables`, `itouch.scene.nothing`", False,
          ["cli/reports.py", "loop/tables", "itouch.scene.nothing"]),
         ("`session_page.py`", True, ["session_page.py"]),
