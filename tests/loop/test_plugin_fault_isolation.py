@@ -406,7 +406,7 @@ def test_fields_that_can_not_be_state_are_a_problem_of_the_scene(tmp_path: Path,
         (broken(Hum, "fields", lambda self, model: fields(self)), None, "modality 'hum'", 9),
     ):
         with pytest.raises(
-            itouch.SceneError, match=rf"{who} failed in .*fields: .*{why}.*\(test_failing_plug"
+            itouch.SceneError, match=rf"{who} failed in .*fields: .*{why}.*\(test_plugin_fault_isolation"
         ) as caught:
             engine(tmp_path, modality, device)
         assert [one.place.line for one in caught.value.problems if one.place] == [line]
