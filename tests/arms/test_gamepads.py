@@ -63,7 +63,7 @@ def test_the_kernels_gamepad_is_found_among_others_and_read(wire: Any) -> None:
     sticks.close()
 
 
-def test_one_that_is_unplugged_rests_for_ever(wire: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_unplugged_gamepad_reads_rest_and_is_told_once(wire: Any, caplog: pytest.LogCaptureFixture) -> None:
     folder, writer = wire
     found, _ = evdev.find(str(folder), look=look)
     assert found is not None
@@ -79,14 +79,14 @@ def test_one_that_is_unplugged_rests_for_ever(wire: Any, caplog: pytest.LogCaptu
     sticks.close()
 
 
-def test_what_is_no_input_device_is_passed_over(tmp_path: Path) -> None:
+def test_files_that_are_no_input_devices_are_skipped(tmp_path: Path) -> None:
     (tmp_path / "event3").write_bytes(b"plain")
     assert evdev.find(str(tmp_path)) == (None, [])
     with pytest.raises(FileNotFoundError):
         evdev.find(str(tmp_path / "nowhere"))
 
 
-def test_the_reasons_why_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_gamepad_is_told_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
@@ -151,7 +151,7 @@ def test_pyglet_reports_a_missing_display(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.parametrize("error", [OSError(19, "No such device"), ValueError("negative descriptor"), TypeError("None")])
-def test_one_that_fails_as_it_is_asked_was_unplugged(
+def test_a_gamepad_that_fails_when_polled_counts_as_unplugged(
     error: Exception, caplog: pytest.LogCaptureFixture
 ) -> None:  # fmt: skip
     made = controller()
@@ -188,7 +188,7 @@ def test_the_kernel_is_asked_by_its_own_numbers(monkeypatch: pytest.MonkeyPatch)
     assert not answers
 
 
-def test_pyglet_without_any_or_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gamepad_that_pyglet_does_not_find_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def fails() -> Any:
         raise RuntimeError("no such thing here")
 
@@ -206,7 +206,7 @@ def test_pyglet_without_any_or_that_fails(monkeypatch: pytest.MonkeyPatch) -> No
         assert find_pad().name == "of pyglet" and kernels.opened == 1
 
 
-def test_a_pad_that_cannot_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gamepad_that_cannot_be_opened_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     made = controller()
 
     def refuse() -> None:
@@ -266,7 +266,7 @@ def test_the_kernels_own_numbers_by_a_tool_that_emulates_it(tmp_path: Path) -> N
     assert json.loads(done.stdout) == ["Mock Pad", [1.0, 0.0, 1.0]]
 
 
-def test_one_of_which_pyglet_does_not_say_whether_it_is_open_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gamepad_whose_open_state_pyglet_does_not_tell_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not every kind of device of pyglet says so."""
     made = controller()
     del made.device.is_open

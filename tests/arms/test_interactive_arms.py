@@ -83,7 +83,7 @@ def test_without_a_window_it_follows_the_operator_and_says_so(
     assert "the finger follows its <operator>" in shown.err
 
 
-def test_with_nobody_to_lead_it_one_sentence_and_exit_2(
+def test_without_an_input_device_there_is_one_sentence_and_exit_code_2(
     tmp_path: Path, plugin: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("itouch.arms.gamepad.evdev.find", lambda: (None, []))
@@ -97,7 +97,7 @@ def test_with_nobody_to_lead_it_one_sentence_and_exit_2(
         assert "Traceback" not in error
 
 
-def test_real_ones_are_refused_because_they_are_simulated(
+def test_interactive_arms_are_refused_as_hardware(
     tmp_path: Path, plugin: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", str(scene(tmp_path, plugin)), "--twin", "none"]) == 2

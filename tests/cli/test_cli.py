@@ -32,7 +32,7 @@ def process(*words: str, cwd: Path | None = None) -> subprocess.CompletedProcess
     )
 
 
-def test_help_version_and_nothing() -> None:
+def test_help_and_version_are_printed_and_no_command_is_an_error() -> None:
     assert run("--help").returncode == 0
     assert "run a scene" in run("--help").stdout
     assert run("--version").stdout.startswith("itouch-py ")

@@ -41,7 +41,9 @@ RUN = f"{COMMAND} run {SCENES / 'first_touch.xml'} --headless --for 0.1s"
         "real time, nothing",
     ],  # the commands have the path of this checkout
 )
-def test_it_ends_without_a_traceback(tmp_path: Path, command: str, code: int, said: str) -> None:
+def test_a_command_with_closed_output_ends_without_a_traceback(
+    tmp_path: Path, command: str, code: int, said: str
+) -> None:
     done = subprocess.run(
         ["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False
     )

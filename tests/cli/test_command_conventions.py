@@ -176,7 +176,7 @@ def test_a_scene_is_checked_at_each_save_and_at_no_other_time(
         (("report", str(SCENES.parent / "README.md"), "-o", "x.html"), 2, "it does not begin as one"),
     ],
 )
-def test_what_is_read_off_a_message_or_given_by_mistake_gets_an_answer(
+def test_wrong_codes_and_subcommands_get_an_answer_that_helps(
     words: tuple[str, ...], code: int, said: str, tmp_path: Path
 ) -> None:
     done = run(*words, cwd=tmp_path)
@@ -191,7 +191,7 @@ def test_no_help_shows_the_markup_of_the_source() -> None:
         assert "``" not in run(*words, "--help").stdout, words
 
 
-def test_no_session_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_view_says_that_no_session_is_running(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("itouch.servo.sessions", list)
     done = run("view", "--list")
     assert (done.returncode, done.stdout) == (0, "")

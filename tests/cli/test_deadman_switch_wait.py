@@ -19,7 +19,7 @@ def watched(*, phase: str = "ready", switch: bool = False, **times: float) -> tu
     return Waiting(handle, model, **times), handle  # type: ignore[arg-type]
 
 
-def test_it_is_said_once_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_wait_for_a_switch_is_told_once_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
     waiting, handle = watched(again=1e3, patience=1e3)
     for _ in range(5):
         waiting.look()
@@ -35,7 +35,9 @@ def test_it_is_said_once_and_ends(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(("phase", "switch"), [("running", False), ("ready", True)])
-def test_nothing_is_said_where_nothing_is_missing(phase: str, switch: bool, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_wait_is_told_where_no_switch_is_missing(
+    phase: str, switch: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
     waiting, handle = watched(phase=phase, switch=switch, patience=0.0)
     waiting.look()
     handle.link.phase = "ready"  # what ran once has been enabled

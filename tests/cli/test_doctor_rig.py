@@ -34,7 +34,7 @@ def examined(tmp_path: Path) -> Callable[[str], dict[str, Diagnosis]]:
     return lambda more: _found(build(_scene(tmp_path, more)))
 
 
-def test_a_rig_without_fault_has_none(tmp_path: Path) -> None:
+def test_a_rig_without_faults_passes(tmp_path: Path) -> None:
     done = program("doctor", "--rig", _scene(tmp_path, ""), "--for", "0.2s", "--json")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)

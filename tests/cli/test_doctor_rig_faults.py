@@ -88,14 +88,14 @@ def examined(path: Path, catalog: Catalog, seconds: float = 0.02) -> tuple[dict[
     return {one.name: one for one in rig_checks.examine_rig(session, seconds)}, session
 
 
-def test_a_stage_that_is_well(path: Path) -> None:
+def test_a_stage_without_faults_passes_every_check(path: Path) -> None:
     found, _ = examined(path, devices(Stage))
     names = ("W1", "T8", "K4", "K6", "T9")
     assert [found[f"{name} stage"].status for name in names] == ["pass"] * 5
     assert found["K6 stage"].found.startswith("it stands at 0.0 0.0 20.0 mm")
 
 
-def test_silence_passes_nothing(path: Path) -> None:
+def test_a_silent_device_passes_no_check(path: Path) -> None:
     class Silent(Stage):
         def read(self, reading: Record) -> bool | None:
             super().read(reading)

@@ -48,14 +48,14 @@ def run(folder: Path, daemon: bool) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
-def test_the_program_ends_without_it_and_says_so(tmp_path: Path) -> None:
+def test_a_thread_that_goes_on_does_not_keep_the_program_and_is_told(tmp_path: Path) -> None:
     ended = run(tmp_path, daemon=False)
     assert ended.returncode == 0, ended.stderr
     assert "thread still runs: 'listener'" in ended.stderr
     assert "simulated" in ended.stdout  # what it had to say has gone out
 
 
-def test_nothing_is_said_of_one_that_ends_with_the_program(tmp_path: Path) -> None:
+def test_a_thread_that_ends_with_the_program_is_not_told(tmp_path: Path) -> None:
     ended = run(tmp_path, daemon=True)
     assert ended.returncode == 0, ended.stderr
     assert "still run" not in ended.stderr

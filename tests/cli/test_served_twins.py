@@ -73,7 +73,7 @@ def test_an_emulator_that_can_not_open_is_named_with_its_place(tmp_path: Path, w
     assert first.calls == second.calls == ["open", "close"]
 
 
-def test_that_the_motion_is_over_is_told_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_end_of_the_motion_is_told_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "scene.xml"
     path.write_text(MOVED, "utf-8")
     with itouch.build(path) as session:

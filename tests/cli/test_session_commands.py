@@ -49,7 +49,9 @@ def test_a_session_goes_on_from_its_snapshot_and_from_its_xml(kept: Path, tmp_pa
 
 
 @pytest.mark.parametrize("name", ["r.mcap", "s.itouch"])
-def test_inspect(kept: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_inspect_tells_the_facts_of_a_recording_and_a_session(
+    kept: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["inspect", str(kept / name)]) == 0
     text = capsys.readouterr().out
     assert "first_touch.xml" in text
@@ -275,7 +277,9 @@ def test_the_official_validator_of_bids_has_nothing_to_say(kept: Path, tmp_path:
      (["run", "{x}", "--record", "/dev/full", "--headless"], "No space left on device"),
      (["run", "{x}", "--record", "{d}/a.mcap", "--no-record"], "exclude one another")],
 )  # fmt: skip
-def test_what_cannot_be_done(words: list[str], said: str, kept: Path, tmp_path: Path) -> None:
+def test_commands_that_cannot_work_say_why_in_one_message(
+    words: list[str], said: str, kept: Path, tmp_path: Path
+) -> None:
     names = {"r": kept / "r.mcap", "s": kept / "s.itouch", "x": SCENES / "first_touch.xml", "d": tmp_path}
     done = program(*(word.format(**names) for word in words))
     assert done.returncode == 2 and said in done.stderr

@@ -29,7 +29,7 @@ FIRST = '<itouch version="1.0"><devices><device name="arm" plugin="usb-arm"/></d
 
 
 @given(st.text())
-def test_whatever_the_text_nothing_in_it_acts(text: str) -> None:
+def test_no_text_acts_on_the_terminal(text: str) -> None:
     shown = plain(text)
     assert not _ACTS.search(shown)
     assert plain(shown) == shown

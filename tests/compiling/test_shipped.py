@@ -84,7 +84,7 @@ def test_the_first_start_compiles_nothing(program: Path) -> None:
     assert not list((program / "kept").rglob("*.nbc"))
 
 
-def test_other_code_is_compiled(program: Path) -> None:
+def test_changed_code_is_compiled_instead_of_loaded(program: Path) -> None:
     (program / "kernels.py").write_text(KERNELS.format(factor=3.0), encoding="utf-8")
     assert run(program, "use") == (7.0, 0)
     assert run(program, "use") == (7.0, 1)  # and kept, beside what was shipped
@@ -118,7 +118,7 @@ def test_a_processor_that_lacks_what_the_system_says_it_has_compiles_for_itself(
     ("model", "hits"),
     [("Haswell", 1), ("Skylake-Client", 1), ("EPYC-Rome", 1), ("SandyBridge", 0), ("IvyBridge", 0), ("Opteron_G5", 0)],
 )
-def test_on_emulated_processors(program: Path, model: str, hits: int) -> None:
+def test_older_emulated_processors_compile_for_themselves(program: Path, model: str, hits: int) -> None:
     """What was compiled on this machine is loaded on another model, or compiled there if that one is too old for it."""
     emulator = need_program("qemu-x86_64", package="qemu-user")
     assert run(program, "use", PROCESSOR_LACKS="what it says", kept=model, command=(emulator, "-cpu", model)) == (

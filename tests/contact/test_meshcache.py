@@ -75,7 +75,7 @@ def test_nothing_is_kept_when_it_is_switched_off(folder: Path, monkeypatch: pyte
     assert not load_source(BALL).cached
 
 
-def test_where_it_is_by_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_default_folder_follows_xdg_and_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("ITOUCH_MESH_CACHE")
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -264,7 +264,7 @@ def test_an_entry_that_others_can_write_is_built_anew(folder: Path, mode: int) -
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason=meant("only root can give files away"))
-def test_what_is_somebody_elses_is_not_used(folder: Path) -> None:
+def test_files_of_another_user_are_not_used(folder: Path) -> None:
     load_source(BALL)
     (entry,) = entries(folder)
     os.chown(entry, 12345, 12345)
@@ -281,7 +281,7 @@ def test_a_folder_that_cannot_be_written_is_no_fault(tmp_path: Path, monkeypatch
     assert not load_source(BALL).cached
 
 
-def test_what_was_not_used_for_longest_goes_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_least_recently_used_entry_is_removed_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = [MeshFile.of("grid.stl", stl(*grid(n))) for n in (10, 11, 12)]
     for age, file in enumerate(files):
         load_source(file)

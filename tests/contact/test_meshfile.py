@@ -407,7 +407,7 @@ def test_nothing_outside_the_folder_is_read_not_even_through_a_link(tmp_path: Pa
     assert read_mesh_file(inside / "sound.stl", folder=str(inside)).data == stl(*BOX)
 
 
-def test_the_python_way(tmp_path: Path) -> None:
+def test_load_mesh_takes_a_path_a_scale_and_sides(tmp_path: Path) -> None:
     path = tmp_path / "tile.obj"
     path.write_bytes(obj(*grid(3)))
     mesh = load_mesh(path, scale=0.1, two_sided=True)

@@ -52,7 +52,7 @@ SOUND = {
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_damaged_files(name: str) -> None:
+def test_damaged_files_give_a_surface_or_a_reason(name: str) -> None:
     kind, sound = SOUND[name]
     rng = np.random.default_rng(sum(name.encode()))
     refused = 0
@@ -92,7 +92,7 @@ VALUES = [
 ]
 
 
-def test_gltf_documents_with_random_values() -> None:
+def test_random_gltf_documents_give_a_surface_or_a_reason() -> None:
     rng = np.random.default_rng(3)
     for _ in range(300):
         document, content = gltf_document(*BOX, [{"mesh": 0, "children": [1], "scale": [1, 1, 1]}, {"mesh": 0}])

@@ -25,7 +25,7 @@ def random_shape(rng: np.random.Generator, size: float) -> Shape:
 
 @pytest.mark.parametrize("friction", [0.0, 0.6])
 @pytest.mark.parametrize("seed", seeds(5, 12))
-def test_among_random_primitives(seed: int, friction: float) -> None:
+def test_a_probe_among_random_primitives_stays_outside(seed: int, friction: float) -> None:
     rng = np.random.default_rng(seed)
     size = 10 ** rng.uniform(-3, 1)
     shapes = [random_shape(rng, size) for _ in range(rng.integers(1, 6))]

@@ -37,7 +37,7 @@ def path_over(
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("kind", KINDS)
-def test_outside_unlocked_and_in_the_cone(kind: str, seed: int) -> None:
+def test_a_probe_stays_outside_is_never_locked_and_keeps_its_cone(kind: str, seed: int) -> None:
     rng = np.random.default_rng([seed, len(kind)])
     size = float(10 ** rng.uniform(-3, 1))
     vertices, faces = KINDS[kind](rng)

@@ -38,7 +38,7 @@ def cast(shapes: list[Shape], poses: Floats, start: Floats, way: Floats, radius:
     ],
 )
 @pytest.mark.parametrize("as_mesh", [False, True])
-def test_known_distances(start: Floats, distance: float, hit: int, as_mesh: bool) -> None:
+def test_distances_equal_known_ones(start: Floats, distance: float, hit: int, as_mesh: bool) -> None:
     block: Shape = mesh(*box_mesh(0.1, 0.1, 0.1), 1.0) if as_mesh else Box((0.1, 0.1, 0.1))
     found, which, normal = cast([Box((0.5, 0.5, 0.1)), block, Sphere(0.05)], POSES, start, DOWN, 0.008)
     assert (found, which) == (pytest.approx(distance, abs=1e-9), hit)

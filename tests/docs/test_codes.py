@@ -71,7 +71,7 @@ def test_no_problem_has_a_code_outside_the_table() -> None:
     }, "a problem with a code that is no literal: let it be one, or handed on from another problem"  # fmt: skip
 
 
-def test_no_code_is_left_over() -> None:
+def test_every_code_of_the_table_is_used() -> None:
     used = {code for code, _ in made()} | {trip.label for trip in Trip} | {"injected"}
     assert set(CODES) <= used
 

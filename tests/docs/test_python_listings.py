@@ -54,7 +54,7 @@ def test_listings_run_in_the_order_of_the_page(page: str, tmp_path: Path, monkey
         close()
 
 
-def test_the_lever_of_the_readme_is_a_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_device_of_the_readme_opens_reads_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is not only read without an error: it opens, reads a pose and writes a force."""
     from itouch.plugin import Field, Record, Terminal
 

@@ -39,7 +39,7 @@ def free(shape: Shape, place: tuple[float, float, float] = (0.0, 0.0, 1.0), **mo
 
 
 @pytest.mark.parametrize("force", [(0.0, 0.0, 0.0), (0.2, 0.0, -0.3)])
-def test_what_attracts_the_finger_from_afar_is_pulled_as_hard(force: tuple[float, float, float]) -> None:
+def test_a_body_that_attracts_the_finger_is_pulled_by_the_same_force(force: tuple[float, float, float]) -> None:
     result, forces = np.zeros(at.RESULT_SIZE), np.zeros((2, 6))
     poses = np.array([(0.0, 0.0, 0.0, *UP), (0.1, 0.0, 0.0, *UP)])
     result[at.RESULT_NEAREST] = 1

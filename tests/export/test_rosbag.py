@@ -96,7 +96,7 @@ def test_what_a_scene_chose_of_a_device_is_in_the_frame_of_the_device(tmp_path: 
     assert found["/chosen_finger_100Hz/proxy"][0][2].header.frame_id == "world"
 
 
-def test_what_is_there_stays(recorded: Any, tmp_path: Path) -> None:
+def test_an_existing_bag_is_not_overwritten(recorded: Any, tmp_path: Path) -> None:
     recording, bag = recorded
     before = {path.name: path.read_bytes() for path in bag.iterdir()}
     done = program("export", recording.path, "--rosbag", str(bag))

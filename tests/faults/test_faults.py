@@ -162,7 +162,7 @@ def test_drift_grows_and_spikes_are_rare() -> None:
     assert 25 < sum(value != 0.0 for value in seen) < 80
 
 
-def test_nonsense() -> None:
+def test_nan_and_garbage_replace_readings() -> None:
     bent = Bent(TABLE, Kind.NAN)
     for _ in range(3):
         bent.tick()
@@ -221,7 +221,7 @@ def test_saturated_actuators() -> None:
     assert table.inner.sent["pose_target"][:3] == pytest.approx([1.0, 0.0001, 0.0])
 
 
-def test_one_channel_alone() -> None:
+def test_a_fault_may_affect_one_channel_alone() -> None:
     bent = Bent(
         ((temperature("a", Role.OTHER_TEMPERATURE), temperature("b", Role.OTHER_TEMPERATURE)), (current(limit=5.0),)),
         Kind.NAN,

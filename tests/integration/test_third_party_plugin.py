@@ -40,7 +40,7 @@ def scene(folder: Path, *, twin: str = "yes", way: str = "50 mm") -> str:
     return str(path)
 
 
-def test_it_is_listed(site: Path) -> None:
+def test_the_devices_command_lists_the_plugin(site: Path) -> None:
     done = run(site, "-m", "itouch_tools.cli", "devices")
     assert "lever  (itouch-lever 0.3.0)" in done.stdout
     assert "A one-axis" not in done.stdout

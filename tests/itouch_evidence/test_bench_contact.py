@@ -20,7 +20,7 @@ from itouch_evidence.contact.measure import Row
 from itouch_evidence.contact.step_bounds import judged
 
 
-def test_a_small_bench(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_small_bench_prints_and_writes_its_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "figures.json"
     assert main(["--sizes", "1k", "--steps", "1400", "--no-peers", "--json", str(out)]) == 0
     said = capsys.readouterr().out

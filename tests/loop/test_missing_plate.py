@@ -41,7 +41,7 @@ def test_a_plate_that_is_too_low_gives_its_force_to_the_arm(low: Course) -> None
     assert low.steps[begin + 5 :][low.touching[begin + 5 :]].max() < 0.1
 
 
-def test_it_is_told_once_and_marked(low: Course) -> None:
+def test_a_missing_plate_is_noticed_once_and_marked_in_its_contact(low: Course) -> None:
     told = [notice for notice in low.report["notices"] if "should have been felt" in notice]
     assert len(told) == 1
     assert "'table'" in told[0]
@@ -49,7 +49,7 @@ def test_it_is_told_once_and_marked(low: Course) -> None:
     assert [entry["plate_missed"] for entry in low.report["contacts"]] == [True]
 
 
-def test_the_program_says_it_once(folder: Path) -> None:
+def test_the_run_command_tells_a_missing_plate_once(folder: Path) -> None:
     Slope(*ramp(0.0), error=3.0).build(folder)
     ended = program("run", folder / "slope.xml", "--pace", "fast")
     assert ended.stderr.count("should have been felt") == 1

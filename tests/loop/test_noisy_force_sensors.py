@@ -78,7 +78,7 @@ def test_the_noise_of_a_loud_sensor_is_measured_in_the_air(noise: float, rate: i
     assert sensor.at(surface_memory.LOUD) == before  # nothing is learned of it while a finger presses
 
 
-def test_a_knock_is_no_noise() -> None:
+def test_a_single_knock_does_not_count_as_noise() -> None:
     sensor = Sensor(0.005)
     sensor.borne(0.0, AWAY, 1000)
     sensor.borne(2.0, AWAY)
@@ -98,7 +98,7 @@ def test_noise_is_no_force_of_a_surface_that_is_away_and_little_of_one_that_pres
 
 
 @pytest.mark.parametrize("rate", [1000, 4000])
-def test_the_estimate_is_not_late(rate: int) -> None:
+def test_the_force_estimate_has_no_delay(rate: int) -> None:
     """It goes with the finger, a knock counts at once, and what lets go is let go of."""
     sensor = Sensor(0.03, rate)
     sensor.borne(0.0, AWAY, rate // 2)
@@ -133,7 +133,7 @@ def test_a_loud_sensor_breaks_no_law_that_it_once_broke(folder: Path, number: in
 
 
 @pytest.mark.parametrize(("number", "noise"), [(0, 12.0), (12, 40.0)])
-def test_nor_do_other_scenes_with_one(folder: Path, number: int, noise: float) -> None:
+def test_other_scenes_with_a_loud_sensor_break_no_law(folder: Path, number: int, noise: float) -> None:
     _, scene = draw(number, 5150, folder)
     assert not broken(judge(follow(dataclasses.replace(scene, noise=noise).build(folder))))
 

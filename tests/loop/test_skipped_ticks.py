@@ -193,7 +193,7 @@ def test_a_modality_is_told_once_for_how_long(sessions: Any) -> None:
     assert Asked.heard == pytest.approx([0.03, 2.0])
 
 
-def test_what_it_raises_then_is_a_fault(sessions: Any) -> None:
+def test_an_error_of_a_modality_told_of_skipped_ticks_is_a_fault(sessions: Any) -> None:
     session = sessions("<asked:told/>")
     session.run(0.01)
     Asked.fails = True

@@ -73,7 +73,7 @@ def test_the_force_goes_over_without_a_step(run: Mapping[str, Any]) -> None:
     assert force.max() < 3.0
 
 
-def test_the_report_tells_it(run: Mapping[str, Any]) -> None:
+def test_the_report_marks_the_withdrawn_plate(run: Mapping[str, Any]) -> None:
     long, short = run["report"]["contacts"]
     assert long["plate_withdrawn"] is True
     assert not long["plate_missed"]
@@ -86,7 +86,7 @@ def test_the_report_tells_it(run: Mapping[str, Any]) -> None:
         assert long["flux_error_rms"] < 0.05  # of what the plate rendered, not of the time without it
 
 
-def test_the_program_says_it(run: Mapping[str, Any]) -> None:
+def test_the_run_command_tells_the_withdrawn_plate(run: Mapping[str, Any]) -> None:
     ended = program("run", run["path"], "--pace", "fast", "--no-record")
     assert ended.stdout.count("the plate was withdrawn after 1.5 s") == 1
 

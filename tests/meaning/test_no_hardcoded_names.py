@@ -137,7 +137,7 @@ ROOMS = {
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_no_name_decides(room: str) -> None:
+def test_no_source_compares_with_the_name_of_a_channel_or_field(room: str) -> None:
     found = {}
     for file in ROOMS[room]:
         short = str(file.relative_to(FRAMEWORK))

@@ -32,7 +32,7 @@ def plain(report: dict) -> tuple:
     return report["contacts"], [d["limited"] for d in report["devices"].values()], report["faults"]
 
 
-def test_ours_touches_and_drives(ours):
+def test_the_scene_with_the_original_names_touches_and_drives(ours):
     kind, found, report = ours
     assert len(report["contacts"]) == 1 and report["contacts"][0]["mean_flux_W_m2"] is not None
     assert len({tuple(row[-2:]) for row in found}) > (20 if kind == "temperature" else 100)

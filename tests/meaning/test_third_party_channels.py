@@ -86,14 +86,14 @@ def made(tmp_path_factory):
     patch.undo()
 
 
-def test_the_recording_has_them(made):
+def test_the_recording_has_units_and_meanings_as_declared(made):
     _, recording, _ = made
     assert recording.units["cuff.squeeze"] == recording.units["cuff.twin.let_in"] == "Pa"
     assert recording.units["cuff.twin.flow"] == "m^3/s"
     assert recording.meanings["cuff.squeeze"] == PRESSURE and recording.meanings["cuff.twin.let_in"] == LEVEL
 
 
-def test_the_tables_have_them(made):
+def test_csv_tables_have_units_and_meanings_as_declared(made):
     _, recording, folder = made
     export_csv(recording, str(folder / "tables"))
     heads = [file.read_text().splitlines()[0].split(",") for file in (folder / "tables").glob("*cuff*.csv")]
@@ -102,7 +102,7 @@ def test_the_tables_have_them(made):
     assert rows["cuff.squeeze"] == {"column": "cuff.squeeze", "unit": "Pa", "meaning": PRESSURE}
 
 
-def test_parquet_has_them(made):
+def test_parquet_has_units_and_meanings_as_declared(made):
     parquet = pytest.importorskip("pyarrow.parquet")
     _, recording, folder = made
     export_parquet(recording, str(folder / "all.parquet"))
@@ -111,7 +111,7 @@ def test_parquet_has_them(made):
     assert json.loads(schema.metadata[b"meanings"])["cuff.squeeze"] == PRESSURE
 
 
-def test_bids_has_them(made):
+def test_bids_sidecars_have_units_and_meanings_as_declared(made):
     _, recording, folder = made
     export_bids(recording, str(folder / "bids"), task="fill")
     sidecars = [json.loads(file.read_text()) for file in (folder / "bids").rglob("*physio.json")]
@@ -129,7 +129,7 @@ def test_bids_has_them(made):
     assert told == pytest.approx([101325.0 + tick for tick in range(200)], abs=1e-3)  # read before the tick's step
 
 
-def test_the_window_plots_and_explains_them(made):
+def test_the_window_plots_and_explains_the_channels(made):
     session, _, _ = made
     shown = {(chart.title, chart.unit): [signal.doc for signal in chart.signals] for chart in charts(session.model)}
     assert shown[("pressure", "Pa")] == [PRESSURE, LEVEL]
@@ -138,7 +138,7 @@ def test_the_window_plots_and_explains_them(made):
     assert any("Pa" in line and PRESSURE in line for line in corner)
 
 
-def test_the_page_plots_and_explains_them(made):
+def test_the_page_plots_and_explains_the_channels(made):
     _, _, folder = made
     findings = collect(str(folder / "run.mcap"))
     assert findings.curves is not None
@@ -146,7 +146,7 @@ def test_the_page_plots_and_explains_them(made):
     assert f">{PRESSURE}</td>" in page(findings) and f">{LEVEL}</td>" in page(findings)
 
 
-def test_inspect_explains_them(made, capsys):
+def test_inspect_explains_the_channels(made, capsys):
     from itouch_tools.cli.inspect import scene_facts
 
     _, _, folder = made
@@ -154,7 +154,7 @@ def test_inspect_explains_them(made, capsys):
     assert told["cuff.squeeze"]["unit"] == "Pa" and told["cuff.squeeze"]["meaning"] == PRESSURE
 
 
-def test_nothing_is_left_unsaid(made):
+def test_every_channel_of_the_example_is_declared(made):
     assert undeclared(made[0].model) == ()
 
 

@@ -109,13 +109,13 @@ def made(tmp_path_factory):
     patch.undo()
 
 
-def test_the_reports_entry_has_them(made):
+def test_the_reports_entry_has_the_measures(made):
     (entry,) = made[0]["contacts"]
     assert (entry["vibration_m_s2"], entry["missed_share"], entry["word"], entry["beside"]) == (4.25, 0.125, "w", 7.0)
     assert entry["never"] is None
 
 
-def test_the_terminals_table_has_them(made):
+def test_the_terminals_table_has_the_measures(made):
     lines = made[1].splitlines()
     heads = next(line for line in lines if line.startswith("object")).split("  ")
     heads = [head.strip() for head in heads if head.strip()]
@@ -139,14 +139,14 @@ def test_words_that_fail_are_told_and_end_nothing(made):
     assert "failed in contact_warnings: " in made[1] and "no words" in made[1] and "simulated in" in made[1]
 
 
-def test_the_page_has_them(made):
+def test_the_page_has_the_measures(made):
     shown = page(made[2]).split("<h2>Contacts</h2>")[1].split("<h2>Curves</h2>")[0]
     assert "vibration_m_s2 [m/s²]" in shown and "missed [%]" in shown and ">4.2<" in shown
     assert "&lt;b&gt;loose" in shown and "<b>loose" not in shown
     assert not any(f">{head}" in shown for head in ("word<", "beside", "never"))
 
 
-def test_the_summary_has_the_greatest(made):
+def test_the_summary_has_the_greatest_value_of_a_measure(made):
     assert made[2].summary["greatest vibration"] == "4.2 m/s^2"
 
 

@@ -35,7 +35,7 @@ def test_each_truth_is_found_in_the_twin(session):
     assert len(set(found)) == 3 and truth(session.model, "arm", Role.HEAT_FLUX) == ""
 
 
-def test_a_name_says_nothing(session):
+def test_a_field_without_a_role_is_not_found_by_its_name(session):
     """A field of the right name without its role is not found; one of any name with it is."""
     named = Field("peltier.twin.true_flux", unit="W/m^2", doc="no role")
     meant = Field("peltier.twin.zyx", unit="W/m^2", doc="a role", role=Role.HEAT_FLUX)
@@ -43,12 +43,12 @@ def test_a_name_says_nothing(session):
     assert truth(declaring(session, named), "peltier", Role.HEAT_FLUX) == ""
 
 
-def test_what_a_fault_keeps_is_no_truth(session):
+def test_a_field_that_a_fault_keeps_is_not_the_truth(session):
     kept = Field("peltier.twin.fault.kept", unit="W/m^2", doc="a reading held", role=Role.HEAT_FLUX)
     assert truth(declaring(session, kept), "peltier", Role.HEAT_FLUX) == ""
 
 
-def test_the_worst_follows_them(session):
+def test_the_worst_values_are_those_of_the_true_fields(session):
     worst = Worst(session)
     session.taps.append(worst.note)
     session.run(0.01)

@@ -263,7 +263,7 @@ def test_a_force_without_a_finger_is_doubted() -> None:
     assert Table().until_trip(300, load=0.51, gap=0.0149, calibrated=0)[0] is Trip.NONE
 
 
-def test_a_moment_of_doubt_passes() -> None:
+def test_a_short_doubt_about_the_force_does_not_trip() -> None:
     surface = Table()
     for _ in range(5):
         for _ in range(90):
@@ -272,7 +272,7 @@ def test_a_moment_of_doubt_passes() -> None:
             surface.say(load=0.0, gap=0.03)
 
 
-def test_how_fast_it_may_close_in() -> None:
+def test_the_closing_speed_depends_on_gap_and_tracking_error() -> None:
     surface = Table().surface
     assert surface.closing(0.0199, 0.0) == 0.10
     assert surface.closing(0.0201, 0.0) == 0.25
@@ -282,7 +282,7 @@ def test_how_fast_it_may_close_in() -> None:
     assert bare.closing(0.0, 0.0) == bare.closing(1.0, 0.0) == 0.0
 
 
-def test_forgetting() -> None:
+def test_forgetting_keeps_the_contact_time_and_clears_the_rest() -> None:
     surface = Table(dataclasses.replace(LIMITS, contact_time=0.01))
     for _ in range(50):
         surface.say(load=1.0, gap=0.03, tracking_error=0.006)

@@ -343,7 +343,7 @@ def test_a_tighter_current_makes_no_drive_less_steady() -> None:
     assert moved_then_frozen(-1.5, 0.12, wobble=0.018, limits=tight)[0] is Trip.SENSOR_FROZEN
 
 
-def test_any_change_thaws() -> None:
+def test_a_reading_that_changes_is_not_frozen() -> None:
     plate = Plate()
     frozen(plate, [0.0] + [0.3] * 40)
     plate.say(25.01, drive=0.3)
@@ -402,7 +402,7 @@ def test_a_display_without_flux_sink_or_current() -> None:
     assert plate.state["driven_for"].item() == pytest.approx(STEP)
 
 
-def test_forgetting_keeps_the_dose() -> None:
+def test_forgetting_keeps_the_dose_and_clears_the_rest() -> None:
     plate = Plate(touched=True)
     for _ in range(20):
         plate.say(41.0, drive=0.6)

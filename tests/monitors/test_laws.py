@@ -64,7 +64,9 @@ def test_tightening_never_delays_or_removes_a_trip(
     st.lists(st.tuples(st.floats(0.0, 6.0), st.floats(-0.01, 0.03), st.floats(0.0, 0.008)), min_size=20, max_size=60),
     st.floats(0.2, 2.0), st.floats(0.05, 10.0),
 )  # fmt: skip
-def test_tightening_a_surface_neither(walk: list[tuple[float, float, float]], force: float, contact: float) -> None:
+def test_tightening_a_surface_never_delays_or_removes_a_trip(
+    walk: list[tuple[float, float, float]], force: float, contact: float
+) -> None:
     def when(limits: DeviceLimits) -> float:
         asked = Asked(Surface, TABLE, limits)
         for index, (load, gap, tracking_error) in enumerate(walk):
@@ -100,7 +102,7 @@ def test_the_clock_of_contact_bounds_what_a_finger_is_touched(taps: list[tuple[f
 
 
 @pytest.mark.parametrize("number", range(6))
-def test_names_mean_nothing(number: int) -> None:
+def test_renaming_devices_changes_no_result(number: int) -> None:
     case, other = draw(number, 5), draw(number, 5)
     names = {word: f"x{index}q" for index, kind in enumerate(case.plates) for word in (kind.device,)}
     text = other.scene
@@ -156,7 +158,7 @@ FOUND = [(823, 5201, "sensor-frozen")]
 
 
 @pytest.mark.parametrize(("number", "seed", "trip"), FOUND)
-def test_what_the_campaign_has_found_is_stopped(number: int, seed: int, trip: str) -> None:
+def test_cases_that_the_campaign_found_trip(number: int, seed: int, trip: str) -> None:
     case = run(draw(number, seed))
     assert case.broken == [] and case.trips[0] == trip
 

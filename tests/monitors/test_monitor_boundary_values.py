@@ -146,7 +146,7 @@ def test_a_budget_is_used_up_when_more_than_all_of_it_is(field: str, most: float
     assert monitor.exhausted_budget(memory) != ""
 
 
-def test_where_dose_and_cold_begin() -> None:
+def test_dose_and_cold_time_begin_at_their_temperatures() -> None:
     monitor, memory = made(Heat, PLATE)
     touched, kept, held = Look(0.0, 0.0, 2.0, True), monitor.memory(memory), monitor.allowed
     for kelvin, dose, cold in ((312.15, 2.0 * 0.25**4, 0.0), (beyond(-312.15) * -1.0, 2.0 * 0.25**4, 0.0),
@@ -415,7 +415,7 @@ def test_what_drove_one_way_and_turns_round_begins_anew() -> None:
     assert memory["driven_for"].item() == 0.0
 
 
-def test_the_extremes_of_two_seconds() -> None:
+def test_temperature_extremes_are_of_the_last_two_seconds() -> None:
     watch, memory = drifting()
     for step in range(40):
         extremes = runaway_kernels.extremes(watch.memory(memory), 300.0 + step, 0.05 + 0.1 * step, 0.0)
@@ -852,7 +852,7 @@ def test_a_range_of_all_numbers_is_none(high: float, said: bool) -> None:
     assert ("outside its range" in monitor.rules()[0].trip) is said
 
 
-def test_silence_at_its_limit() -> None:
+def test_silence_trips_just_beyond_its_limit() -> None:
     monitor, memory = made(Ordinary, ARM)
     reading = record(ARM[0])
     assert monitor.check(memory, reading, reading, Moment(age=0.02 + 1e-9)) == 1.0
@@ -1081,7 +1081,7 @@ KEPT = {
 
 
 @pytest.mark.parametrize(("kind", "what"), KEPT, ids=[kind.__name__ for kind, _ in KEPT])
-def test_what_a_monitor_keeps(kind: type[Monitor], what: str) -> None:
+def test_the_fields_that_each_monitor_keeps(kind: type[Monitor], what: str) -> None:
     monitor, _ = made(kind, {"plate": PLATE, "arm": ARM, "table": TABLE, "pad": PAD}[what])
     told = []
     for field in monitor.fields():

@@ -34,7 +34,7 @@ def test_an_address_that_others_reach_is_refused(protocol: str, host: str) -> No
         _SERVERS[protocol](host)
 
 
-def test_no_address_is_every_address() -> None:
+def test_an_empty_address_is_refused_as_it_means_all() -> None:
     with pytest.raises(OSError, match="write 127.0.0.1"):
         Emulator.listener(("", 0))
 

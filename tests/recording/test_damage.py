@@ -44,14 +44,14 @@ def check_prefix(content: Content, least: int) -> None:
     assert [int(m["payload"]) for m in content.letters.get("/log/marks", [])] == list(range(len(found) // 20))
 
 
-def test_whole() -> None:
+def test_an_undamaged_recording_is_whole() -> None:
     content = parse("x", DATA, len(DATA))
     assert Recording(content).whole
     check_prefix(content, len(ROWS))
 
 
 @pytest.mark.campaign
-def test_cut_anywhere_in_the_last_64_kib() -> None:
+def test_a_cut_in_the_last_64_kib_keeps_the_rows_before_it() -> None:
     assert len(DATA) > size(20_000, 65536 + 20_000)
     last = min(65536, len(DATA) - ENDS[2])
     step = size(97, 1)
@@ -68,7 +68,7 @@ def test_cut_anywhere_in_the_last_64_kib() -> None:
 
 
 @pytest.mark.campaign
-def test_single_bit_flips() -> None:
+def test_single_bit_flips_lose_no_earlier_row() -> None:
     generator, stated, nothing = random.Random(7), 0, 0
     for _ in range(size(300, 10_000)):
         place, bit = generator.randrange(len(DATA)), generator.randrange(8)
@@ -120,7 +120,7 @@ def test_recover_makes_a_whole_file(part: float, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir() if path.suffix == ".part"] == []
 
 
-def test_what_is_no_recording(tmp_path: Path) -> None:
+def test_files_that_are_no_recordings_are_refused(tmp_path: Path) -> None:
     for name, data in (("a", b""), ("b", b"hello"), ("c", MAGIC), ("d", MAGIC + bytes(200)), ("e", DATA[: ENDS[1]])):
         path = tmp_path / f"{name}.mcap"
         path.write_bytes(data)

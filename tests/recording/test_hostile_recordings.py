@@ -70,7 +70,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile(name: str, tmp_path: Path) -> None:
+def test_a_hostile_recording_is_refused_in_bounded_memory(name: str, tmp_path: Path) -> None:
     path = tmp_path / "h.mcap"
     path.write_bytes(HOSTILE[name])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -152,7 +152,7 @@ def _saved(session: itouch.Session, folder: Path) -> Path:
     [('to="x.mcap" channels="nothing.there"', "unknown-channel"), ('to="../x.mcap"', "bad-value"),
      ('to="/tmp/x.mcap"', "bad-value"), ('to="x.txt"', "bad-value"), ('to="x.mcap" channels="tick" rate="300 Hz"', "unknown-channel")],
 )  # fmt: skip
-def test_what_a_scene_may_not_ask_for(scenes: Path, attributes: str, code: str) -> None:
+def test_bad_attributes_of_a_record_are_refused(scenes: Path, attributes: str, code: str) -> None:
     path = scenes / "first_touch.xml"
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace("</itouch>", f"<record {attributes}/></itouch>"), encoding="utf-8")

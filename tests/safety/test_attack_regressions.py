@@ -61,7 +61,7 @@ class Cached(Pad):
 
 @pytest.mark.punctual  # each word holds for 80 ms
 @pytest.mark.parametrize("honest", [(), ("t",)], ids=["all", "the plate"])
-def test_old_news_is_no_news(tmp_path: Path, honest: tuple[str, ...]) -> None:
+def test_an_old_reading_that_comes_again_does_not_count_as_new(tmp_path: Path, honest: tuple[str, ...]) -> None:
     """W1 counts a reading's age from when it was measured, however often it comes."""
     cls = type("Threaded", (Cached,), {"honest": honest})
     with itouch.build(
@@ -270,7 +270,7 @@ def test_a_command_that_can_not_need_not(tmp_path: Path, unit: str) -> None:
     itouch.build(scene(tmp_path, "pad", twin="no"), catalog=catalog({"stranger": silent(unit)})).close()
 
 
-def test_a_blank_is_no_reason(tmp_path: Path) -> None:
+def test_a_blank_text_is_refused_as_the_reason_for_harmless(tmp_path: Path) -> None:
     cls = silent("A", Role.DRIVE, harmless="  ")
     with pytest.raises(SceneError, match="is unmonitored"):
         itouch.build(scene(tmp_path, "pad", twin="no"), catalog=catalog({"stranger": cls}))
@@ -447,7 +447,7 @@ def test_a_moment_that_is_no_field_is_told_when_the_scene_is_built(tmp_path: Pat
 
 
 @pytest.mark.parametrize("said", ["0.5", b"0.5", None, [0.5, 0.5], math.nan])
-def test_what_is_no_number_is_no_share(tmp_path: Path, said: object) -> None:
+def test_a_monitor_that_returns_no_number_is_an_error(tmp_path: Path, said: object) -> None:
     class Says(Watches):
         def check(self, state: Record, reading: Record, sent: Record, moment: Any) -> float:
             return said  # type: ignore[return-value]

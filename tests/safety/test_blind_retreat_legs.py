@@ -210,7 +210,7 @@ def test_a_finger_that_is_pushed_twice_in_a_row_calls_it_back_to_where_it_stood_
 @pytest.mark.parametrize(
     "first", [[PUSHED, STAYS, PUSHED], [STAYS, PUSHED, STAYS], [WITH, WITH, PUSHED], [PUSHED, WITH, PUSHED]]
 )
-def test_once_is_chance(first: list[Leg]) -> None:
+def test_a_finger_that_is_pushed_once_calls_nothing_back(first: list[Leg]) -> None:
     assert Legs(*first).run() == DOWN
 
 
@@ -268,7 +268,7 @@ def test_a_surface_that_is_found_on_its_way_back_goes_on_by_legs() -> None:
     assert Legs(WITH, stopped=BACKWARDS).run() == [2.0, -6.0]
 
 
-def test_one_that_is_held_stays_held() -> None:
+def test_a_surface_that_is_held_stays_held() -> None:
     legs = Legs(PUSHED, stopped=HELD)
     for _ in range(200):
         legs.step()

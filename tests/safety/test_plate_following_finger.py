@@ -28,7 +28,7 @@ SCENE = """<itouch version="1.0" xmlns:xyz-table="urn:itouch:plugin:xyz-table" x
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("rise", [0.75, 0.9])
 @pytest.mark.parametrize("clearance", [15, 18])
-def test_it_does_not_rush_in_and_out_of_where_it_is_near(
+def test_a_plate_does_not_alternate_between_near_and_far_speeds(
     clearance: float, rise: float, compiled: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At 20 mm it was fast in one tick and slow in the next: on an average faster than what stops it."""

@@ -367,7 +367,7 @@ def test_one_that_never_answers_again_is_not_believed() -> None:
     assert "can't be verified" in outcome.devices["table"]
 
 
-def test_a_glance_that_brings_nothing_judges_nothing() -> None:
+def test_a_read_without_a_new_reading_is_not_judged() -> None:
     """A number that stands still because nothing has come is not frozen, and one that was bad is bad once."""
     rig = Rig()
     seen: list[int] = []
@@ -561,7 +561,7 @@ def test_a_sequence_in_which_each_tick_fails_ends() -> None:
     assert not outcome.safe and not rig.plate.gate.actuation.keeping
 
 
-def test_the_numbers_of_the_sequence() -> None:
+def test_the_constants_of_the_sequence_are_those_of_the_safety_case() -> None:
     """As the safety case has them; what each does is tested by multiples of it, which a wrong one would not change."""
     assert (LEAVE_TIME, SAFE_TIME, WATCH_TIME) == (0.3, 0.5, 5.0)
     assert (STANDS, STOOD, NEARER, SETTLE) == (0.3e-3, 0.05, 3e-3, 0.05)
@@ -924,7 +924,7 @@ def test_a_reading_that_stands_still_is_believed_for_as_long_as_a_surface_needs_
         assert rig.sequence._believed(rig.table.gate) is believed
 
 
-def test_a_torque_is_no_push() -> None:
+def test_a_torque_does_not_count_as_a_push() -> None:
     rig = Rig()
     assert rig.table.gate.device is not None
     say = rig.say_table

@@ -123,7 +123,7 @@ def test_an_emulator_that_can_not_listen_says_so_and_can_be_closed(tmp_path, mon
             emulator.close()
 
 
-def test_a_finished_device_is_short(tmp_path):
+def test_a_finished_device_has_fewer_than_120_lines(tmp_path):
     make_plugin("test-lever", transport="serial", folder=str(tmp_path))
     home = tmp_path / "itouch-test-lever"
     finish(home, "itouch_test_lever")
@@ -162,7 +162,7 @@ def test_names_that_mean_something_in_python_are_no_trouble(name, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-def test_nothing_is_written_over(tmp_path):
+def test_an_existing_plugin_is_not_overwritten(tmp_path):
     make_plugin("lever", folder=str(tmp_path))
     with pytest.raises(ItouchError, match="is there already"):
         make_plugin("lever", folder=str(tmp_path))

@@ -126,7 +126,7 @@ def test_what_is_wrong_in_a_base_is_told_once_and_where_it_stands(
     assert advice in problem.advice
 
 
-def test_base_cycle(write: Write) -> None:
+def test_a_cycle_of_bases_is_refused(write: Write) -> None:
     path = write("s.xml", '<itouch version="1.0"><materials><material name="a" base="b"/>'
                  '<material name="b" base="a"/></materials></itouch>')  # fmt: skip
     with pytest.raises(itouch.SceneError, match="its own base"):

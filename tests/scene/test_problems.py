@@ -86,7 +86,9 @@ ONE_LINE = [
 
 
 @pytest.mark.parametrize(("body", "code", "column", "says"), ONE_LINE)
-def test_one_line(write: Write, body: str, code: str, column: int, says: str) -> None:
+def test_a_wrong_line_gives_its_message_at_its_column(
+    write: Write, body: str, code: str, column: int, says: str
+) -> None:
     path = write("scene.xml", HEAD + body + TAIL)
     found = [problem for problem in problems_of(path) if problem.severity == "error"]
     assert [problem.code for problem in found] == [code]
@@ -111,7 +113,9 @@ DEVICES = [
 
 
 @pytest.mark.parametrize(("body", "code", "marker", "says"), DEVICES)
-def test_devices(write: Write, body: str, code: str, marker: str, says: str) -> None:
+def test_a_wrong_device_gives_its_message_at_its_column(
+    write: Write, body: str, code: str, marker: str, says: str
+) -> None:
     line = f"<devices>{body}</devices>"
     path = write("scene.xml", f'<itouch version="1.0">\n{line}\n</itouch>')
     found = [problem for problem in problems_of(path) if problem.severity == "error"]
@@ -151,7 +155,7 @@ def test_all_problems_at_once_in_file_order_and_one_per_cause(write: Write) -> N
     assert "first defined here" in found[3].render()
 
 
-def test_version(write: Write) -> None:
+def test_a_wrong_root_or_version_is_refused(write: Write) -> None:
     for text, code in (
         ("<itouch/>", "missing-attribute"),
         ('<itouch version="1.7"/>', "newer-version"),

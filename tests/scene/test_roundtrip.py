@@ -36,7 +36,7 @@ SHIPPED = SCENE_FILES
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.name)
-def test_shipped(path: Path) -> None:
+def test_a_shipped_scene_is_read_back_equal(path: Path) -> None:
     scene = itouch.load(path)
     again = loads(write(scene).encode(), Catalog())
     assert again == scene
@@ -99,5 +99,5 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 @settings(max_examples=150, deadline=None)
 @given(scenes())
-def test_generated(scene: Scene) -> None:
+def test_a_generated_scene_is_read_back_equal(scene: Scene) -> None:
     assert loads(write(scene).encode(), Catalog()) == scene

@@ -25,7 +25,7 @@ def test_host_and_port(text: str, port: int | None, expected: tuple[str, int]) -
 @pytest.mark.parametrize(
     "text", ["", ":", ":80", "a:", "a:0", "a:65536", "a:²", "a:٣", "a:-1", "a: 1", "a b:1", "::1", "::1:80", "[]:1", "[a:1", "[]"]
 )  # fmt: skip
-def test_what_is_none_is_refused(text: str, port: int | None) -> None:
+def test_a_bad_address_is_refused(text: str, port: int | None) -> None:
     with pytest.raises(ValueError, match="must be HOST"):
         schema.host_port(text, port=port)
 

@@ -33,7 +33,7 @@ from itouch.schema.units import parse_unit
         ("5,6 1/s", "1/s", 2, (5.0, 6.0)),
     ],
 )
-def test_reads(text: str, unit: str, size: int, expected: tuple[float, ...]) -> None:
+def test_quantities_are_read_in_si_units(text: str, unit: str, size: int, expected: tuple[float, ...]) -> None:
     assert parse_quantity(text, unit, size=size) == pytest.approx(expected, rel=1e-15)
 
 
@@ -59,7 +59,7 @@ def test_reads(text: str, unit: str, size: int, expected: tuple[float, ...]) -> 
         ("1 2 mm 3", "m", "expected"),
     ],
 )
-def test_refuses(text: str, unit: str, says: str) -> None:
+def test_bad_quantities_are_refused(text: str, unit: str, says: str) -> None:
     with pytest.raises(QuantityError, match=says.replace("(", r"\(").replace(")", r"\)").replace("*", r"\*")):
         parse_quantity(text, unit)
 

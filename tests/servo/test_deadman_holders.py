@@ -100,7 +100,7 @@ def scene(tmp_path: Path) -> Path:
     return tmp_path / "hold.xml"
 
 
-def test_one_write_of_the_greatest_number_holds_no_session(scene: Path) -> None:
+def test_a_hold_far_in_the_future_holds_no_session(scene: Path) -> None:
     with itouch.launch(scene, seconds=30.0, realtime=False) as handle:
         handle.link._segment.words[at.HELD_UNTIL] = 1 << 62  # as any process of the same user could
         with pytest.raises(itouch.DeviceFaultError, match="was let go: nobody holds the switch"):

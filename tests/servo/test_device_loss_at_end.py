@@ -98,7 +98,7 @@ def test_who_ends_a_session_is_not_told_that_a_lost_device_is_safe(scene: Path, 
     assert fault["cause"] == SAID and fault["trip"] == "device-error" and not fault["safe"]["reached"]
 
 
-def test_a_script_hears_of_it_when_it_closes_its_session(scene: Path) -> None:
+def test_a_script_that_closes_its_session_gets_the_fault(scene: Path) -> None:
     session = itouch.build(scene)
     session.enable()
     session.run(0.01)

@@ -53,7 +53,7 @@ SCENE = """<itouch version="1.0">
 @pytest.mark.parametrize(
     ("moves", "said"), [(False, "failed: its cable is out"), (True, "there is nothing at its port")]
 )
-def test_it_is_told_and_the_session_does_not_go_on_waiting(tmp_path: Path, moves: bool, said: str) -> None:
+def test_a_device_lost_before_the_hold_ends_the_wait_and_is_told(tmp_path: Path, moves: bool, said: str) -> None:
     install(tmp_path, "waits", "[itouch.devices]\nstick = waits:Stick\n", code=PLUGIN.format(moves=moves))
     (tmp_path / "scene.xml").write_text(SCENE, encoding="utf-8")
     path = os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", "")))

@@ -132,7 +132,9 @@ def _measured(late: float, overruns: int) -> Measured:
     ("priority", "late", "overruns", "finger"),
     [("ok", 200.0, 0, True), ("ok", 200.0, 11, False), ("ok", 6000.0, 1, False), ("lack", 200.0, 0, False)],
 )
-def test_the_verdict(priority: str, late: float, overruns: int, finger: bool) -> None:
+def test_the_doctors_verdict_follows_priority_lateness_and_overruns(
+    priority: str, late: float, overruns: int, finger: bool
+) -> None:
     verdict = judge([Diagnosis("priority", priority, "")], [_measured(late, overruns)])
     assert verdict.finger is finger
     assert ("NOT" in verdict.sentence) is not finger

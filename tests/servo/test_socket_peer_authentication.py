@@ -125,7 +125,7 @@ def test_a_packet_that_is_cut_off_ends_its_sender_and_not_the_twin(
     second.close()
 
 
-def test_who_talks_without_an_end_does_not_hold_up_a_step(
+def test_a_client_that_floods_the_socket_does_not_hold_up_a_step(
     server: tuple[TwinServer, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:  # fmt: skip
     twin, address = server

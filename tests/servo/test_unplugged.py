@@ -20,7 +20,7 @@ BEHIND_A_SERVER = '<usb-arm:hardware xmlns:usb-arm="urn:itouch:plugin:usb-arm" u
     ("hardware", "said"), [("", "device 'arm': "), (BEHIND_A_SERVER, "device 'arm': USB/IP server 127.0.0.1:1: ")],
     ids=["on the bus", "behind a server"],
 )  # fmt: skip
-def test_what_is_not_there_is_told_before_anybody_holds_the_switch(tmp_path: Path, hardware: str, said: str) -> None:
+def test_a_missing_device_is_told_before_the_switch_is_held(tmp_path: Path, hardware: str, said: str) -> None:
     path = tmp_path / "s.xml"
     path.write_text(SCENE % hardware, encoding="utf-8")
     with (

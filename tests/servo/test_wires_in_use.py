@@ -55,7 +55,7 @@ def running(rig: Path) -> Iterator[Handle]:
         yield handle
 
 
-def test_who_comes_second_is_refused(
+def test_a_second_process_on_a_wire_is_refused(
     rig: Path, running: Handle, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "by-id").symlink_to(rig.parent / "port")

@@ -145,7 +145,7 @@ HOSTILE: dict[str, Make] = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile(name: str, members: dict[str, bytes], tmp_path: Path) -> None:
+def test_a_hostile_session_is_refused_in_bounded_memory(name: str, members: dict[str, bytes], tmp_path: Path) -> None:
     (tmp_path / "here").mkdir()
     path = write(tmp_path / "here" / "h.itouch", HOSTILE[name](members, tmp_path))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -255,7 +255,7 @@ def test_hostile_documents(evil: bytes, tmp_path: Path) -> None:
         itouch.restore(path)
 
 
-def test_no_file_and_a_folder(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "none.itouch", tmp_path, os.devnull):
         with pytest.raises(itouch.SessionError):
             itouch.restore(path)

@@ -118,7 +118,7 @@ def _columns(session: itouch.Session) -> list[object]:
     return list(next(t for t in replay_tracks(session.model, session.state) if t.name == "arm").columns)
 
 
-def test_without_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pylsl_the_extra_to_install_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pylsl", None)
     with pytest.raises(itouch.SessionError, match=r"pip install 'itouch-py\[lsl\]'"):
         Streams(itouch.build(SCENES / "first_touch.xml"))

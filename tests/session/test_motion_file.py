@@ -45,7 +45,7 @@ def test_the_hand_goes_where_the_finger_was(recorded: Path) -> None:
     assert session.report()["contacts"][0]["object"] == "pad"
 
 
-def test_it_travels_with_the_session(recorded: Path) -> None:
+def test_a_saved_session_holds_the_motion_of_its_file(recorded: Path) -> None:
     (recorded / "other.xml").write_text(SCENE.format(file="r.mcap", probe="finger"), encoding="utf-8")
     straight = itouch.build(recorded / "other.xml")
     advance(straight, 700)
@@ -64,7 +64,7 @@ def test_it_travels_with_the_session(recorded: Path) -> None:
     [("none.mcap", "finger", "bad-recording"), ("first_touch.xml", "finger", "bad-recording"),
      ("r.mcap", "fingre", "bad-recording"), ("../r.mcap", "finger", "outside-folder")],
 )  # fmt: skip
-def test_what_cannot_move_a_hand(recorded: Path, file: str, probe: str, code: str) -> None:
+def test_a_file_that_cannot_move_a_hand_is_refused(recorded: Path, file: str, probe: str, code: str) -> None:
     (recorded / "other.xml").write_text(SCENE.format(file=file, probe=probe), encoding="utf-8")
     with pytest.raises(itouch.SceneError) as caught:
         itouch.build(recorded / "other.xml")

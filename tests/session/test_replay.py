@@ -181,7 +181,7 @@ def test_step_by_step_for_a_window(tmp_path: Path) -> None:
     assert seen == list(range(1, 201))
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_replay_command_tells_ticks_and_mismatches(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record(tmp_path / "r.mcap", "first_touch", 0.5)
     assert main(["replay", str(tmp_path / "r.mcap")]) == 0
     assert "500 ticks (0.500 s) replayed" in (said := capsys.readouterr().out)

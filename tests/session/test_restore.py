@@ -90,7 +90,9 @@ def straight_digest(scene: str, ticks: int) -> str:
     stops=st.lists(st.integers(0, 2500), min_size=1, max_size=4).map(sorted),
     xml=st.lists(st.booleans(), min_size=4, max_size=4),
 )
-def test_any_stops_in_any_form(scene: str, stops: list[int], xml: list[bool], tmp_path: Path) -> None:
+def test_stops_at_random_ticks_in_both_formats_change_no_bit(
+    scene: str, stops: list[int], xml: list[bool], tmp_path: Path
+) -> None:
     session = itouch.build(SCENES / f"{scene}.xml", seed=9)
     for stop, as_xml in zip(stops, xml, strict=False):
         advance(session, stop)
@@ -113,7 +115,7 @@ FAULTS = [
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("number", range(size(3, 30)))
-def test_faults_in_flight(number: int, scenes: Path) -> None:
+def test_stops_around_an_injected_fault_change_no_bit(number: int, scenes: Path) -> None:
     """Stop before, in and after the safe sequence of an injected fault, several times."""
     generator = random.Random(number)
     device, kind, channel = FAULTS[number % len(FAULTS)]

@@ -47,7 +47,7 @@ def told(session: itouch.Session, seconds: float) -> str:
         1,
     ),
 )
-def test_it_goes_on_in_another_process(scenes: Path, faults: str) -> None:
+def test_a_session_with_active_faults_goes_on_in_another_process(scenes: Path, faults: str) -> None:
     path = scenes / "faults.xml"
     text = path.read_text(encoding="utf-8")
     planned = '<fault device="table" kind="disconnect" at="8 s"/>'

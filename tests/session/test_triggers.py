@@ -206,7 +206,7 @@ def test_sync_tells_the_distribution() -> None:
     assert program("sync", "--marks", "10", "--limit", "0.0001").returncode == 1
 
 
-def test_the_far_end_is_the_emulated_box_or_a_port_that_is_read_whole(box: Terminal) -> None:
+def test_the_loopback_reader_reads_an_emulated_box_or_a_port(box: Terminal) -> None:
     line = os.open(box.path, os.O_WRONLY | os.O_NOCTTY)
     try:
         for port, terminal, send in ((None, box, partial(os.write, line)), (box.path, None, box.send)):

@@ -21,7 +21,7 @@ def samples() -> np.ndarray:
     return noise.render(SECONDS * RATE)
 
 
-def test_it_is_as_loud_at_any_time(samples: np.ndarray) -> None:
+def test_the_noise_is_as_loud_at_any_time(samples: np.ndarray) -> None:
     assert samples.std() == pytest.approx(LOUDNESS, rel=0.05)
     assert np.abs(samples).max() < 1.0  # nothing is clipped
     tenths = samples.reshape(-1, RATE // 2)
@@ -29,7 +29,7 @@ def test_it_is_as_loud_at_any_time(samples: np.ndarray) -> None:
     assert np.ptp(loud) < 2.5
 
 
-def test_it_is_pink(samples: np.ndarray) -> None:
+def test_the_noise_is_pink(samples: np.ndarray) -> None:
     power = np.abs(np.fft.rfft(samples)) ** 2
     frequency = np.fft.rfftfreq(len(samples), 1.0 / RATE)
     octaves = [60.0 * 2.0**n for n in range(8)]

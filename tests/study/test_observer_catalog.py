@@ -86,7 +86,7 @@ def test_the_page_s_own_example_is_one(installed: None, tmp_path: Path) -> None:
     assert observer.colder([FELT, still], rng) == 0
 
 
-def test_they_are_found_and_judge(installed: None) -> None:
+def test_installed_observers_are_found_by_name_and_judge(installed: None) -> None:
     assert names()[:4] == ["flux", "combined", "receptors", "naive"] and "peak" in names()
     observer = observer_of("peak")(Person(noise=1e-6, lapse=0.0))
     assert isinstance(observer, Observer)
@@ -108,7 +108,7 @@ def test_they_are_found_and_judge(installed: None) -> None:
         ("ghost", "there is no observer 'ghost'; there are flux, combined"),
     ],
 )
-def test_what_is_none_is_refused_before_anything_is_touched(
+def test_a_class_that_is_no_observer_is_refused_before_anything_is_touched(
     installed: None, name: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study = str(next((SCENES / "studies").glob("*.xml")))
@@ -120,7 +120,7 @@ def test_what_is_none_is_refused_before_anything_is_touched(
 
 
 @pytest.mark.parametrize(("name", "said"), [("wild", "finite numbers"), ("cross", "cue raised KeyError")])
-def test_what_errs_is_named(installed: None, name: str, said: str) -> None:
+def test_an_observer_that_fails_is_named(installed: None, name: str, said: str) -> None:
     with pytest.raises(ObserverError, match=said):
         observer_of(name)(Person(lapse=0.0)).colder([FELT, FELT], np.random.default_rng(0))
 

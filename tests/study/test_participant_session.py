@@ -438,7 +438,9 @@ def test_a_disk_that_recordings_have_filled_is_emptied_of_them(
 
 
 @pytest.mark.parametrize("code", ["", "../P07", "P 07", "x" * 33, "P07\n"])
-def test_a_code_is_a_word(tmp_path: Path, code: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_participants_code_of_other_characters_is_refused(
+    tmp_path: Path, code: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(write_study(tmp_path), tmp_path / "data", code=code) == 2
     assert "a code has letters, digits" in capsys.readouterr().err
     assert not (tmp_path / "data").exists()

@@ -164,7 +164,7 @@ def test_numbers_that_a_task_asks_for_are_in_the_report(
         ("gone", "", "bad-value", "failed to load: AttributeError"),
     ],
 )
-def test_what_is_none_is_refused_at_its_place(
+def test_a_class_that_is_no_task_is_refused_at_its_place(
     installed: None, tmp_path: Path, kind: str, standard: str, code: str, said: str
 ) -> None:
     _, problems = read_study(asking(tmp_path / "study", kind, standard), Catalog())
@@ -181,7 +181,9 @@ def test_a_task_that_is_installed_nowhere_is_told(tmp_path: Path) -> None:
     assert [one.code for one in problems] == ["unknown-name"]
 
 
-def test_what_errs_is_named(installed: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_task_or_device_that_fails_is_named(
+    installed: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert "rougher" in task_names() and "pedal" not in task_names()
     with pytest.raises(TaskError, match="right gave 'perhaps'"):
         task_of("vague").right("first", {"levels": ["wood", "steel"], "standard": "steel"})

@@ -120,7 +120,7 @@ def test_a_short_campaign_keeps_its_promises() -> None:
     assert regression_errors(60, 16).high > 0.04
 
 
-def test_a_promise_can_be_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_intervals_that_are_too_narrow_fail_the_campaign(monkeypatch: pytest.MonkeyPatch) -> None:
     def narrow(panel: list[float], statistic: object, *, seed: int, draws: int) -> tuple[float, float]:
         mean, error = float(np.mean(panel)), float(np.std(panel)) / math.sqrt(len(panel))
         return mean - 1.2 * error, mean + 1.2 * error
@@ -310,7 +310,7 @@ def test_a_full_disk_leaves_the_earlier_export_and_is_told(
     assert not list(tmp_path.glob(".itouch-*"))
 
 
-def test_no_chance_is_told_as_nought() -> None:
+def test_a_tiny_probability_is_told_as_a_bound() -> None:
     assert [_chance(p) for p in (None, 0.0, 4.9e-5, 6e-5, 0.05)] == ["-", "< 0.0001", "< 0.0001", "0.0001", "0.0500"]
 
 

@@ -32,7 +32,7 @@ def test_rows_come_back_as_they_were(tmp_path: Path) -> None:
         assert store.participants() == ["P01"]
 
 
-def test_no_trial_twice(tmp_path: Path) -> None:
+def test_a_trial_that_is_stored_already_is_refused(tmp_path: Path) -> None:
     with Store.open(tmp_path, create=True) as store:
         store.add(ROW)
         with pytest.raises(StoreError, match="holds this trial already .* let it end"):

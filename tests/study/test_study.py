@@ -198,7 +198,9 @@ def simulated(file: StudyFile, folder: Path, codes: int = 3, *, stop_after: int 
         return store.rows()
 
 
-def test_the_command_tells_what_does_not_count(tmp_path: Path, hands: None, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_simulate_command_counts_void_trials(
+    tmp_path: Path, hands: None, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = written(tmp_path, more='<order repetitions="6"/>')
     assert main(["study", "simulate", str(path), "-o", str(tmp_path / "data"), "--observers", "2"]) == 0
     said = capsys.readouterr().out
@@ -550,7 +552,7 @@ def test_levels_with_blanks_can_be_excluded_and_caught(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("where", ["m", "m=", "=wood", "wood m=wood", "m=wood m=steel"])
-def test_pairs_that_are_none(tmp_path: Path, where: str) -> None:
+def test_malformed_pairs_of_an_exclusion_are_told(tmp_path: Path, where: str) -> None:
     factor = f'<factor name="m" levels="wood steel cork" set="block.material"/><exclude where="{where}"/>'
     _, problems = read_study(written(tmp_path, factor=factor, task='kind="identify" factor="m"'), CATALOG)
     assert any("where" in problem.sentence for problem in problems)

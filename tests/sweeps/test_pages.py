@@ -68,7 +68,7 @@ def test_what_is_far_apart_is_told_apart_and_a_person_less_so() -> None:
     assert human <= ideal + 5.0
 
 
-def test_a_touch_does_not_know_itself() -> None:
+def test_a_classifier_does_not_recognize_a_touch_by_itself() -> None:
     features = np.random.default_rng(2).standard_normal((400, 1))
     labels = np.arange(400) % 200
     matrix = confusion(features, labels, 200, 0.0)

@@ -68,7 +68,7 @@ class NoRule(Good):
         return "T1"
 
 
-def test_a_good_one_passes() -> None:
+def test_a_good_monitor_passes() -> None:
     examine(Good(Watched("it", "it", None, READS, COMMANDS)))
 
 
@@ -79,6 +79,6 @@ def test_a_good_one_passes() -> None:
         (Meddles, "changes what it looks at"), (NoRule, "belongs to none of its rules"),
     ],
 )  # fmt: skip
-def test_a_bad_one_is_named(cls: Any, words: str) -> None:
+def test_a_bad_monitor_fails_with_its_fault_named(cls: Any, words: str) -> None:
     with pytest.raises(CheckError, match=words):
         examine(cls(Watched("it", "it", None, READS, COMMANDS)))

@@ -16,7 +16,7 @@ PLACES = np.array([(0.01, 0.02, 0.03), (0.02, 0.01, 0.05), (0.04, 0.01, 0.02)])
     [(-1.0, PLACES[0], 0.0), (0.25, PLACES[:2].mean(0), (PLACES[1] - PLACES[0]) / 0.5),
      (0.75, PLACES[1:].mean(0), (PLACES[2] - PLACES[1]) / 0.5), (7.0, PLACES[2], 0.0)],
 )  # fmt: skip
-def test_it_begins_at_the_first_place_and_ends_at_the_last(time: float, place: np.ndarray, speed: np.ndarray) -> None:
+def test_a_recorded_path_rests_at_its_first_and_last_place(time: float, place: np.ndarray, speed: np.ndarray) -> None:
     path = RecordedPath(RecordedMotion(PLACES, 0.5))
     assert path.start == tuple(PLACES[0]) and path.duration == 1.0
     path.lay(time)

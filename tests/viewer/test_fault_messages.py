@@ -29,5 +29,5 @@ from itouch_tools.viewer.fault_messages import outcome
     ],
     ids=["safe", "two are not", "unnamed", "unknown"],
 )
-def test_what_followed(more: dict[str, Any], said: list[str]) -> None:
+def test_what_followed_a_fault_names_every_unsafe_device(more: dict[str, Any], said: list[str]) -> None:
     assert outcome({"trip": "force", "device": "table", **more}) == said

@@ -39,7 +39,7 @@ def said(request, screen, tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_live_window(name: str, said):
+def test_a_script_of_live_window_events_runs_without_an_error(name: str, said):
     assert not said[name], said[name]
 
 

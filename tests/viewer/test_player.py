@@ -25,7 +25,7 @@ def said(request, screen, recorded, tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_player(name: str, said):
+def test_a_script_of_player_events_runs_without_an_error(name: str, said):
     assert not said[name], said[name]
 
 

@@ -94,7 +94,7 @@ def told() -> Iterator[tuple[Any, list[Any], Heard, list[str], set[str]]]:
         engine.close()
 
 
-def test_what_comes_is_what_the_state_says(told: Any) -> None:
+def test_messages_have_the_values_of_state(told: Any) -> None:
     engine, states, heard, _, _ = told
     for number, (state, pose) in enumerate(zip(states, heard.found["/arm/pose"], strict=True)):
         place, turn = pose.pose.position, pose.pose.orientation

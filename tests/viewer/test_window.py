@@ -17,5 +17,5 @@ def said(request, screen, tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
-def test_window(name: str, said):
+def test_a_script_of_window_events_runs_without_an_error(name: str, said):
     assert not said[name], said[name]

@@ -242,7 +242,7 @@ def test_a_torque_is_refused_and_so_is_what_is_no_force(rig: ServedService) -> N
     assert not any(any(force) for force in rig.service.asked)
 
 
-def test_the_grip_and_its_button(rig: ServedService) -> None:
+def test_the_grip_offsets_the_pose_and_its_button_is_the_switch(rig: ServedService) -> None:
     rig.service.finger.led = True
     arm = Haply(HaplyParams(service=rig.address, grip=(0.0, 0.0, -0.03), deadman="b"))
     reading, _ = records(arm)
@@ -264,7 +264,7 @@ def test_axes_that_another_program_has_turned_are_refused() -> None:
 @pytest.mark.parametrize(
     "service", ["", "localhost", "localhost:", "localhost:http", "localhost:70000", "localhost:²", ":10001"]
 )
-def test_an_address_that_is_none(service: str) -> None:
+def test_a_bad_service_address_is_refused(service: str) -> None:
     with pytest.raises(NotFound, match="HOST:PORT"):
         Inverse3(service).open()
     if service:  # of a scene without one it is the service of this machine

@@ -35,7 +35,7 @@ def rig(tmp_path: Path) -> Iterator[tuple[Session, ServedService]]:
 
 
 @pytest.mark.parametrize("fault", ["hang_up", "unplugged", "garbage", "nan", "mute", "unpowered"])
-def test_it_is_felt_fails_and_comes_back(rig: tuple[Session, ServedService], fault: str) -> None:
+def test_the_arm_is_felt_fails_and_is_reconnected(rig: tuple[Session, ServedService], fault: str) -> None:
     session, served = rig
     service = served.service
     session.enable()

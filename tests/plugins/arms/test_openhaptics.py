@@ -145,7 +145,7 @@ def test_a_scheduler_that_stops_is_told(hd: FakeHd, monkeypatch: pytest.MonkeyPa
     assert not hd.open
 
 
-def test_a_position_that_cannot_be(hd: FakeHd) -> None:
+def test_an_impossible_position_is_an_error_and_ends_the_force(hd: FakeHd) -> None:
     with Phantom() as arm:
         arm.write((0.0, 0.0, 1.0))
         for wrong in (float("nan"), 9e9):
@@ -188,7 +188,7 @@ def test_a_reset_of_the_encoders_is_never_done_by_itself(hd: FakeHd) -> None:
         ("refused", 0x0501, ArmError, "scheduler full"),
     ],
 )
-def test_what_can_be_wrong_with_opening(hd: FakeHd, knob: str, number: int, error: type[ArmError], words: str) -> None:
+def test_each_failure_to_open_is_told(hd: FakeHd, knob: str, number: int, error: type[ArmError], words: str) -> None:
     setattr(hd, knob, number)
     arm = OpenHaptics(OpenHapticsParams())
     with pytest.raises(error, match=words):

@@ -45,7 +45,7 @@ def errors(solution, case, wanted):
 
 
 @pytest.mark.parametrize("name", heat_cases.SOLVED)
-def test_solved_cases(name):
+def test_solutions_agree_with_solved_cases(name):
     case, wanted = heat_cases.solved(name)
     late = wanted["t"] >= 1e-5
     wanted = {key: column[late] for key, column in wanted.items()}
@@ -102,7 +102,7 @@ def test_equation_9_is_the_field_under_a_constant_flux():
 
 
 @pytest.mark.parametrize("seed", seeds(6, 30, first=20))
-def test_energy_closes(seed):
+def test_the_energy_balance_closes(seed):
     contact = case_of(heat_cases.random_case(seed))
     solution = solve(contact, np.geomspace(1e-4, 100.0, 9))
     for name in ("finger", "object"):

@@ -45,7 +45,7 @@ def test_random_cases_at_constant_resistance(seed):
 
 
 @pytest.mark.parametrize("period", [1e-4, 4e-3, 0.1])
-def test_other_periods(period):
+def test_other_periods_are_as_accurate(period):
     contact = case("b_wood_R0")
     steps = np.array([1, 2, 10, 100])
     flux = Stepper(contact, period).advance(1e-3, 100)[steps - 1]
@@ -100,7 +100,7 @@ def test_a_separated_finger_goes_back_to_rest():
     assert stepper.skin_temperature == pytest.approx(rest, abs=1e-6)
 
 
-def test_cutting_a_history_changes_no_bit():
+def test_a_history_in_parts_gives_the_same_bits():
     contact = case("c_al_R1e-4_sensor37um")
     rng = np.random.default_rng(5)
     history = np.repeat(rng.uniform(1e-4, 3e-3, 40), rng.integers(1, 25, 40))
@@ -224,7 +224,7 @@ def test_batches_agree_with_single_solutions():
         solve_many(contacts, times, workers=0)
 
 
-def test_lock_step():
+def test_lock_step_solutions_agree_with_single_ones():
     base = published_cases()["polystyrene, R 2e-3"]
     resistances = np.linspace(0.0, 5e-3, 5)
     together = LockStep([base] * 5, PERIOD, workers=2)

@@ -55,7 +55,7 @@ def served(host: SimulatedHost, spoil: Callable[[bytes], bytes] = lambda data: d
         terminal.close()
 
 
-def test_a_session_with_the_chip(start: Start, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_driver_exchanges_with_the_simulated_chip(start: Start, capsys: pytest.CaptureFixture[str]) -> None:
     host = start(greet=False)
     host.wait(100)
     with served(host) as port:
@@ -122,7 +122,7 @@ def test_one_answer_in_ten_damaged_costs_no_exchange(start: Start) -> None:
     assert count[0] >= 33
 
 
-def test_the_sum_by_hand() -> None:
+def test_the_check_sum_equals_the_published_value() -> None:
     assert crc(b"123456789") == 0x29B1  # the catalogue's check value
     assert unseal_2(seal_2("I 1 2.5")) == "I 1 2.5"
     assert unseal(seal_2("I 1 2.5")) is None

@@ -43,7 +43,9 @@ def off(host: SimulatedHost) -> bool:
         (("guard",), thermistor(296.15 + 4.0, NUMBERS), "sensors-differ"),
     ],
 )  # fmt: skip
-def test_what_it_measures_cuts_it_off_for_good(start: Start, inputs: tuple[str, ...], volts: float, state: str) -> None:
+def test_each_bad_measurement_cuts_the_current_off_and_latches(
+    start: Start, inputs: tuple[str, ...], volts: float, state: str
+) -> None:
     host = start()
     driven(host)
     host.display.forced = dict.fromkeys(inputs, volts)
@@ -115,7 +117,7 @@ def test_a_converter_that_stops_is_noticed(start: Start) -> None:
     assert host.order(1.0).state == "converter"  # type: ignore[union-attr]
 
 
-def test_silence_of_the_host(start: Start) -> None:
+def test_a_silent_host_cuts_the_current_off_without_a_latch(start: Start) -> None:
     host = start()
     driven(host, 2.0)
     host.wait(150)
@@ -182,7 +184,7 @@ def test_near_a_limit_the_current_is_held_back_before_it_is_cut_off(start: Start
         assert 10.0 < host.display.plate - KELVIN < 43.0
 
 
-def test_it_tells_its_limits(start: Start) -> None:
+def test_the_program_tells_its_limits(start: Start) -> None:
     host = start(greet=False)
     greeting = host.begin()
     assert greeting.startswith("N itouch-line 2 uno ")
@@ -219,6 +221,6 @@ def test_it_is_compiled_as_the_arduino_ide_does_it_too(start: Start) -> None:
     assert off(host)
 
 
-def test_it_is_small(program: Built) -> None:
+def test_the_program_fits_into_flash_and_ram(program: Built) -> None:
     assert program.flash < 12_000
     assert program.ram < 1024

@@ -76,7 +76,7 @@ def test_a_force_that_comes_late_and_seldom_tells_when_the_finger_came(
     raise AssertionError("the finger was never felt")
 
 
-def test_a_finger_that_slides_to_another_object_came_as_the_touch_before_ended(host: itouch.Session) -> None:
+def test_a_slide_to_another_object_keeps_the_onset_at_the_end_of_the_touch_before(host: itouch.Session) -> None:
     """It has been there for seconds, but what the plate has done to it since is known."""
     model = next(one.model for one in host.model.modalities if one.name == "flux-control")
     names, state = model.names, host.state.copy()

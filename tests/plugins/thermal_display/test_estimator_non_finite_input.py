@@ -15,7 +15,7 @@ from itouch.monitors import DeviceFaultError
 @pytest.mark.parametrize("slew", ["", ' slew="30 A/s"'])
 @pytest.mark.parametrize("touching", [False, True])
 @pytest.mark.parametrize("name", ["x", "theta", "memory"])
-def test_it_stops(scenes: Path, name: str, touching: bool, slew: str) -> None:
+def test_a_non_finite_estimate_stops_the_device(scenes: Path, name: str, touching: bool, slew: str) -> None:
     session = itouch.build(Display(hardware=f"<thermal:hardware{slew}/>").write(scenes))
     session.run(
         until=(lambda: bool(session.state["flux-control.on_plate"])) if touching else (lambda: session.ticks > 900)

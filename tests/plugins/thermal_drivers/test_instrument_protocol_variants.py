@@ -56,7 +56,7 @@ HABITS: dict[str, Callable[[bytes], bytes]] = {
 
 @pytest.mark.parametrize("pieces", [0, 1, 5])
 @pytest.mark.parametrize("habit", HABITS)
-def test_a_controller_with_habits(habit: str, pieces: int) -> None:
+def test_a_tec_controller_may_split_and_vary_its_answers(habit: str, pieces: int) -> None:
     terminal, device, rng = Terminal(), VirtualMecom(Plate(plate=300.0, sink=301.5), address=2), random.Random(3)
     waiting = bytearray()
 
@@ -316,7 +316,7 @@ def sensors(host: str) -> LabJack:
 @pytest.mark.parametrize(
     ("piece", "delay", "busy"), [(0, 0.0, 0), (1, 0.0, 0), (3, 0.02, 2), (0, 0.15, 0), (0, 0.0, 2)]
 )
-def test_a_t7_with_habits(piece: int, delay: float, busy: int) -> None:
+def test_a_t7_may_split_and_delay_its_answers(piece: int, delay: float, busy: int) -> None:
     device = VirtualT7(volts={0: SENSOR.voltage(1234.0, 300.0), 2: 1.65})
     with modbus(device, piece=piece, delay=delay) as host:
         driver = LabJackDriver(sensors(host), patience=8.0)

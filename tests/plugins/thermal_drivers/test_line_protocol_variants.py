@@ -137,7 +137,7 @@ HABITS: dict[str, Callable[[bytes, bytes], bytes]] = {
 
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("habit", HABITS)
-def test_a_rig_with_habits(version: int, habit: str) -> None:
+def test_each_variant_of_the_line_protocol_is_driven(version: int, habit: str) -> None:
     drive(OwnRig(version, habit=HABITS[habit]), 12)
 
 

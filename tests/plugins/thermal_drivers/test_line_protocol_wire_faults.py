@@ -199,7 +199,7 @@ def broken(clock: Clock, wire: Wire, chance: random.Random, slowest: float) -> s
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_a_rig_behind_a_bad_wire(monkeypatch: pytest.MonkeyPatch, version: int) -> None:
+def test_random_wire_faults_end_no_session(monkeypatch: pytest.MonkeyPatch, version: int) -> None:
     """All currents are on the wire at once, no answer is another command's or too new, and zero comes at the end.
 
     If it can't, that is told.  (What an adaptor gives twice, version 1 can't tell from a new answer.)

@@ -83,7 +83,7 @@ def mecom(terminal: Terminal) -> Iterator[VirtualMecom]:
 # --- MeCom ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_request_by_hand() -> None:
+def test_the_check_sum_of_a_request_equals_the_protocols_example() -> None:
     """The protocol's own example: address 2, number 1, read parameter 0x0803 instance 1."""
     assert b"%04X" % crc16(b"#020001?VR080301") == b"90B1"
 
@@ -273,7 +273,7 @@ def test_a_controller_in_error_is_told(terminal: Terminal) -> None:
 
 
 @given(st.binary(max_size=80))
-def test_the_controller_takes_anything(data: bytes) -> None:
+def test_the_virtual_controller_survives_any_bytes(data: bytes) -> None:
     VirtualMecom(Plate()).take(data + b"\r")
 
 
@@ -381,7 +381,7 @@ def test_what_is_measured_can_not_be_written_to_a_virtual_controller(parameter: 
     assert VirtualMecom(Plate())._write(parameter, 1, bytes(4)) == answer
 
 
-def test_a_line_by_hand() -> None:
+def test_the_check_sum_of_a_line_equals_one_by_hand() -> None:
     assert seal("I 1") == b"I 1*58\n"  # 0x49 ^ 0x20 ^ 0x31
     assert unseal(b"I 1*58\r\n") == "I 1"
     for wrong in (b"I 1*59", b"I 1", b"", b"*", b"I 1*5", b"\xff*00"):
@@ -389,11 +389,11 @@ def test_a_line_by_hand() -> None:
 
 
 @given(st.text(st.characters(codec="ascii", exclude_characters="\n\r"), max_size=40))
-def test_lines_come_back(text: str) -> None:
+def test_sealed_lines_are_read_back(text: str) -> None:
     assert unseal(seal(text)) == text
 
 
-def test_a_rig_of_ones_own(terminal: Terminal) -> None:
+def test_a_line_protocol_rig_is_driven_and_its_faults_are_told(terminal: Terminal) -> None:
     with own_rig(terminal) as device:
         rig = LineDriver(LinePort(port=terminal.path), patience=15.0)
         seen = rig.exchange(-1.5)

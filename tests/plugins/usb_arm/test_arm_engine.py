@@ -47,7 +47,7 @@ def rig(tmp_path: Path) -> tuple[Session, VirtualFalcon]:
     return session, virtual
 
 
-def test_it_is_felt_unplugged_and_replugged(rig: tuple[Session, VirtualFalcon]) -> None:
+def test_the_arm_is_felt_unplugged_and_replugged(rig: tuple[Session, VirtualFalcon]) -> None:
     session, virtual = rig
     session.enable()
     session.run(1.5)  # the force ramps in over a second on hardware

@@ -151,7 +151,7 @@ def test_a_dead_boot_loader_is_told() -> None:
         falcon.open()
 
 
-def test_no_arm_no_library_no_right() -> None:
+def test_a_missing_arm_and_a_missing_permission_are_told() -> None:
     emulator = PlainFalcon()
     emulator.gone = True
     with pytest.raises(NotFound, match="0403:cb48"):
@@ -303,7 +303,7 @@ def test_a_force_that_is_none_is_refused_and_zero_is_sent(simple: PlainFalcon, f
         assert simple.motors[-1] == (0, 0, 0)
 
 
-def test_lights(simple: PlainFalcon) -> None:
+def test_the_led_colour_is_sent(simple: PlainFalcon) -> None:
     with Falcon(backend=simple) as arm:
         arm.home(1.0)
         arm.leds = Leds.BLUE

@@ -88,7 +88,7 @@ class Watched:
 
 
 @pytest.mark.parametrize(("state", "fault", "worth"), CASES)
-def test_a_fault_in_a_state(state: str, fault: str, worth: float) -> None:
+def test_every_fault_in_every_state_ends_safely(state: str, fault: str, worth: float) -> None:
     running = fault not in ("boot_echo", "deaf")
     watched = Watched(running=running or state not in ("closed", "opening"), seed=len(state) + len(fault))
     watched.until(state)

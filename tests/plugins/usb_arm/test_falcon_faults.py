@@ -42,7 +42,7 @@ def check(arm: VirtualFalcon, falcon: Falcon) -> bool:
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("running", [True, False])
-def test_a_fault_while_opening(fault: str, running: bool) -> None:
+def test_a_fault_while_opening_is_a_named_error(fault: str, running: bool) -> None:
     arm, falcon, time = rig(running=running)
     setattr(arm.faults, fault, FAULTS[fault])
     begin = time.now()

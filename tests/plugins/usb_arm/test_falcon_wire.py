@@ -16,13 +16,13 @@ from itouch_usb_arm.wire import Buttons, Leds, Scanner, command, decode, encode,
 INT16 = st.integers(-32768, 32767)
 
 
-def test_a_command_by_hand() -> None:
+def test_a_command_frame_equals_one_by_hand() -> None:
     # 1 = 0x0001 -> B A A A; -2 = 0xFFFE -> O P P P; 4095 = 0x0FFF -> P P P A; homing and red = 9 -> 0x4a = J.
     assert command((1, -2, 4095), homing=True, leds=Leds.RED) == b"<BAAAOPPPPPPAJA>"
     assert command((0, 0, 0), homing=False, leds=Leds.OFF) == b"<AAAAAAAAAAAAAA>"
 
 
-def test_a_reply_by_hand() -> None:
+def test_a_reply_frame_equals_one_by_hand() -> None:
     # 0x1234 -> E D C B; -1 -> P P P P; 0 -> A A A A; centre button, all homed = 0x74 -> 0x41 + 0x74 = 0xb5.
     reply = reply_of(decode(b"<EDCBPPPPAAAA\xb5A>"))
     assert reply.encoders == (0x1234, -1, 0)
@@ -31,7 +31,7 @@ def test_a_reply_by_hand() -> None:
 
 
 @given(st.tuples(INT16, INT16, INT16), st.integers(0, 127))
-def test_frames_come_back(values: tuple[int, int, int], info: int) -> None:
+def test_frames_are_decoded_as_they_were_encoded(values: tuple[int, int, int], info: int) -> None:
     assert decode(encode(values, info)) == (values, info)
 
 
@@ -40,7 +40,7 @@ def test_frames_come_back(values: tuple[int, int, int], info: int) -> None:
     [b"", b"<AAAAAAAAAAAAAA", b"[AAAAAAAAAAAAAA>", b"<AAAAAAAAAAAAAA]", b"<AAAAQAAAAAAAAA>", b"<AAAAAAAAAAAA@A>",
      b"<AAAAAAAAAAAA\xc1A>", b"<@AAAAAAAAAAAAA>"],
 )  # fmt: skip
-def test_what_is_no_frame(frame: bytes) -> None:
+def test_malformed_frames_are_refused(frame: bytes) -> None:
     with pytest.raises(ValueError, match="frame"):
         decode(frame)
 
@@ -80,7 +80,7 @@ def test_a_frame_that_lost_a_byte_is_passed_over_and_the_next_one_found(values: 
 
 
 @given(st.binary(max_size=200))
-def test_the_scanner_takes_anything(data: bytes) -> None:
+def test_the_scanner_survives_any_bytes(data: bytes) -> None:
     scanner = Scanner()
     frames = scanner.feed(data)
     assert scanner.skipped + scanner.pending + 16 * len(frames) == len(data)
@@ -90,7 +90,7 @@ def test_the_scanner_takes_anything(data: bytes) -> None:
 BLOCKS = [boot.Block(0x3F8000, (1, 2, 3)), boot.Block(0x8000, (0xFFFF,))]
 
 
-def test_a_boot_stream_by_hand() -> None:
+def test_a_boot_stream_equals_one_by_hand() -> None:
     stream = boot.build([boot.Block(0x3F8000, (0x1234,))], entry=0x3F8002)
     assert stream == (
         b"\xaa\x08" + bytes(16) + b"\x3f\x00\x02\x80" + b"\x01\x00" + b"\x3f\x00\x00\x80" + b"\x34\x12" + b"\x00\x00"

@@ -295,7 +295,7 @@ def test_a_full_cycle_is_fast_enough_for_a_servo_loop(bench: Bench) -> None:
 # --- the servo's side of the protocol ---------------------------------------------------------------------------------
 
 
-def test_a_frame_by_hand() -> None:
+def test_a_frame_equals_the_protocols_example() -> None:
     """From the protocol's own example: mode 10; position 0.5 rev as float; query mode to torque as int8s."""
     frame = bytes((0x01, 0x00, 0x0A, 0x0D, 0x20)) + struct.pack("<f", 0.5) + bytes((0x10, 0x04, 0x00, 0x50))
     assert decode(frame) == [Write(0, 0, 10), Write(0x20, 3, 0.5), Read(0, 0, 4)]
@@ -336,7 +336,7 @@ def test_the_adaptors_checksum_is_the_clients() -> None:
         assert checksum(text) == _compute_crc8(text)
 
 
-def test_fault_names() -> None:
+def test_faults_have_the_names_of_the_protocol() -> None:
     assert fault_name(35) == "encoder fault"
     assert fault_name(99) == "limited by current"
     assert fault_name(77) == "fault 77"
@@ -346,7 +346,7 @@ def test_fault_names() -> None:
 
 
 @pytest.mark.parametrize("habit", ["pieces", "returns", "chatter", "empty lines"])
-def test_an_adaptor_with_habits(bench: Bench, habit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_adaptor_may_split_pad_and_mix_its_lines(bench: Bench, habit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     write = bench.terminal.send
 
     def send(data: bytes) -> None:

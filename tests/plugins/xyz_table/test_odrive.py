@@ -359,7 +359,7 @@ def test_what_is_missing_is_told_with_what_to_do(quiet: Bench) -> None:
         TableEmulator(XyzTableParams(bus="socketcan:can0")).open()
 
 
-def test_a_trace_is_text(quiet: Bench) -> None:
+def test_the_trace_is_readable_text_of_frames(quiet: Bench) -> None:
     stream = io.StringIO()
     device = quiet.table()
     device.trace = Trace(stream, "table")
@@ -369,7 +369,7 @@ def test_a_trace_is_text(quiet: Bench) -> None:
     assert 'table < "021 ' in stream.getvalue()
 
 
-def test_frames_by_hand() -> None:
+def test_frames_equal_ones_by_hand() -> None:
     """From the protocol's tables: node 3, position 1.5 rev with -0.25 rev/s and 0.01 N m fed forward."""
     assert canframes.number(3, canframes.SET_POSITION) == 0x6C
     packed = canframes.pack(canframes.SET_POSITION, 1.5, canframes.milli(-0.25), canframes.milli(0.01))
@@ -382,7 +382,7 @@ def test_frames_by_hand() -> None:
 
 
 @given(st.binary(max_size=60), st.integers(0, 2047), st.binary(max_size=8))
-def test_any_line_and_any_frame_are_borne(line: bytes, number: int, data: bytes) -> None:
+def test_any_line_and_any_frame_are_survived(line: bytes, number: int, data: bytes) -> None:
     bus = VirtualCan({1: VirtualOdrive(1)})
     bus.take(b"O\r" + line + b"\r", lambda: 0.0)
     for remote in (False, True):

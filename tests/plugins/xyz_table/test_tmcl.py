@@ -115,7 +115,7 @@ def arrive(bench: Bench, device: XyzTable, goal: list[float]) -> Record:
     return reading
 
 
-def test_frames_by_hand() -> None:
+def test_frames_equal_ones_by_hand() -> None:
     """MVP ABS, motor 2, 1000 microsteps of module 1, as the manuals print it; and its answer to host 2."""
     frame = tm.request(tm.Request(1, tm.MOVE, tm.ABSOLUTE, 2, 1000))
     assert frame == bytes.fromhex("01 04 00 02 00 00 03 e8 f2")
@@ -433,7 +433,7 @@ def test_a_port_that_is_none_or_not_ours_is_told_before_anybody_holds_a_switch(
     terminal.close()
 
 
-def test_a_trace_is_text(bench: Bench) -> None:
+def test_the_trace_is_readable_text_of_frames(bench: Bench) -> None:
     stream = io.StringIO()
     device = bench.table()
     device.trace = Trace(stream, "table")
@@ -444,7 +444,7 @@ def test_a_trace_is_text(bench: Bench) -> None:
 
 
 @given(st.binary(max_size=60))
-def test_any_bytes_are_borne(data: bytes) -> None:
+def test_the_virtual_module_survives_any_bytes(data: bytes) -> None:
     module = VirtualTmcl({0: VirtualStepper(0)})
     module.take(data, lambda: 0.0)
     module.take(b"", lambda: 1.0)
