@@ -21,7 +21,7 @@ from test_line_protocol_variants import OwnRig
 from test_line_protocol_variants import on_a_line as on_a_terminal
 
 from itouch.exchange.thread import ThreadedDevice
-from itouch.plugin import Field, Record, Timestamps, stamps
+from itouch.plugin import Field, Record, Timestamps, timestamps
 from itouch_thermal.display.device import ThermalDisplay
 from itouch_thermal.display.params import DisplayParams
 from itouch_thermal.drivers import FluxSensor, Infrared, LabJack, LinePort, labjack, lineport, modbus
@@ -73,7 +73,7 @@ class Clock:
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     """Drivers and stamps by such a clock, and a T7 by it."""
     found = Clock()
-    for module in (lineport, labjack, modbus, stamps, touch_film):
+    for module in (lineport, labjack, modbus, timestamps, touch_film):
         monkeypatch.setattr(module, "time", found, raising=False)
 
     def client(host: str, **settings: Any) -> Client:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import pytest
 import serialx
 
-from itouch.plugin import DeviceError, Timestamps, stamps
+from itouch.plugin import DeviceError, Timestamps, timestamps
 from itouch_thermal.drivers import LinePort, lineport, serialport
 from itouch_thermal.drivers.lineport import KELVIN, LineDriver, seal, seal_2, unseal, unseal_2
 
@@ -164,7 +164,7 @@ class Wire:
 def wired(monkeypatch: pytest.MonkeyPatch, seed: int, version: int, faults: Faults) -> tuple[Clock, Wire]:
     clock = Clock()
     wire = Wire(clock, random.Random(seed), version, faults)
-    for module in (lineport, serialport, stamps):
+    for module in (lineport, serialport, timestamps):
         monkeypatch.setattr(module, "time", clock)
     monkeypatch.setattr(serialport, "share", lambda *words: None)
     monkeypatch.setattr(serialx, "serial_for_url", lambda *words, **more: wire)
