@@ -64,6 +64,32 @@ def test_what_a_modality_does_not_say_of_its_surface_is_as_it_was_read(
     assert (told, below.tolist()) == ([load, higher], [3])
 
 
+@pytest.mark.parametrize(
+    ("distance", "depth"),
+    [(3e-3, [-3e-3 - 2e-4]), (-5e-4, [5e-4 - 2e-4]), (math.inf, [-1.0 - 2e-4]), (-math.inf, [1.0 - 2e-4]), (math.nan, [])],
+)  # fmt: skip
+def test_behind_a_wire_a_surface_is_as_deep_in_the_finger_as_its_modality_says(
+    distance: float, depth: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Out of reach it is far away, and not as near as it was last: what it read then would go on being felt."""
+    told: list[float] = []
+    estimate = SimpleNamespace(
+        estimate_late=lambda c, kept, load, presses, deep, measured: told.extend((deep,)),
+        believed=lambda kept, load: load,
+    )
+    monkeypatch.setattr(probe_steps, "force_estimate", estimate)
+    monkeypatch.setattr(probe_steps, "ground", SimpleNamespace(find=lambda *words: 3))
+    monkeypatch.setattr(probe_steps, "plate", SimpleNamespace(foresee=lambda *words: None))
+    c, figures = np.zeros(render.CONSTANTS), np.zeros(render.FIGURES)
+    c[render.PERIOD], figures[render.VELOCITY + 2] = PERIOD, 0.2  # it goes up by 0.2 mm a tick
+    own: Any = SimpleNamespace(c=c, figures=figures, kept=np.zeros(at.MEMORY))
+    objects: Any = SimpleNamespace(world=None, mesh=None, poses=None, twists=None)
+    said = np.array([0.5]), np.zeros(1), np.array([distance])
+    parts = np.zeros(7), np.zeros(6), *said, np.zeros(1, np.int64), np.zeros(3), np.zeros(3), np.zeros(3)
+    assert python_of(probe_steps.look_below)(own, objects, *parts, np.zeros(1, np.int64), False) == 0
+    assert told == pytest.approx(depth)
+
+
 def test_the_finger_is_where_its_tracker_is_mounted_and_its_speed_is_smoothed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(render, "turned_out", python_of(frame_rotation.turned_out))  # type: ignore[attr-defined]
     c, figures = np.zeros(render.CONSTANTS), np.zeros(render.FIGURES)

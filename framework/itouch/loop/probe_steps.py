@@ -146,9 +146,10 @@ def look_below(
     if fresh and presses[0] < 0.0:
         depth = plate.top(c, table) + higher - (figures[render.HIP + 2] - c[render.RADIUS])
         force_estimate.estimate(c, kept, load[2], depth)
-    elif not fresh and presses[0] >= 0.0 and abs(distance[0]) < FURTHEST and measured.shape[0] > 0:
+    elif not fresh and presses[0] >= 0.0 and not math.isnan(distance[0]) and measured.shape[0] > 0:
         # what the modality says is of a tick ago, and not of the pose that has come since
-        depth = -distance[0] - c[render.PERIOD] * figures[render.VELOCITY + 2]
+        away = min(max(distance[0], -FURTHEST), FURTHEST)
+        depth = -away - c[render.PERIOD] * figures[render.VELOCITY + 2]
         force_estimate.estimate_late(c, kept, load[2], presses[0], depth, float(measured[0]))
     plate.foresee(c, table, figures, kept, force_estimate.believed(kept, force.on_plate(load, presses)), higher)
     return 0
