@@ -58,8 +58,8 @@ def test_what_a_modality_does_not_say_of_its_surface_is_as_it_was_read(
     own: Any = SimpleNamespace(c=None, figures=None, kept=np.zeros(at.MEMORY))
     objects: Any = SimpleNamespace(world=None, mesh=None, poses=None, twists=None)
     below, read = np.zeros(1, np.int64), np.array((0.0, 0.0, -1.5, 0.0, 0.0, 0.0))
-    said = np.array([presses]), np.array([risen]), np.array([0.01])
-    parts = np.zeros(7), read, *said, below, np.zeros(3), np.zeros(3), np.zeros(3)
+    said = probe_steps.StatedReadings(np.array([presses]), np.array([risen]), np.array([0.01]))
+    parts = np.zeros(7), read, said, below, np.zeros(3), np.zeros(3), np.zeros(3)
     assert python_of(probe_steps.look_below)(own, objects, *parts, np.zeros(0, np.int64), False) == 0
     assert (told, below.tolist()) == ([load, higher], [3])
 
@@ -84,8 +84,8 @@ def test_behind_a_wire_a_surface_is_as_deep_in_the_finger_as_its_modality_says(
     c[render.PERIOD], figures[render.VELOCITY + 2] = PERIOD, 0.2  # it goes up by 0.2 mm a tick
     own: Any = SimpleNamespace(c=c, figures=figures, kept=np.zeros(at.MEMORY))
     objects: Any = SimpleNamespace(world=None, mesh=None, poses=None, twists=None)
-    said = np.array([0.5]), np.zeros(1), np.array([distance])
-    parts = np.zeros(7), np.zeros(6), *said, np.zeros(1, np.int64), np.zeros(3), np.zeros(3), np.zeros(3)
+    said = probe_steps.StatedReadings(np.array([0.5]), np.zeros(1), np.array([distance]))
+    parts = np.zeros(7), np.zeros(6), said, np.zeros(1, np.int64), np.zeros(3), np.zeros(3), np.zeros(3)
     assert python_of(probe_steps.look_below)(own, objects, *parts, np.zeros(1, np.int64), False) == 0
     assert told == pytest.approx(depth)
 

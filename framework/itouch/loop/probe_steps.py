@@ -68,6 +68,18 @@ class Carrier(NamedTuple):
     read: Floats
 
 
+class StatedReadings(NamedTuple):
+    """What a modality said a tick ago of a device's readings, which are older, (1,) each; see `SurfaceFields`.
+
+    The force on the surface [N], below 0: nothing is said; how much higher the surface is than was read, and its
+    distance from the finger [m].
+    """
+
+    presses: Floats
+    risen: Floats
+    distance: Floats
+
+
 class StatedSurface(NamedTuple):
     """What a modality says of the surface that it carries, (1,) each: 0 or 1, lengths [m]; see `SurfaceFields`."""
 
@@ -127,19 +139,19 @@ def led(withdrawn: Any, kept: Floats) -> int:
 
 @kernel
 def look_below(
-    own: ProbeArrays, objects: Objects, table: Floats, load: Floats, presses: Floats, risen: Floats, distance: Floats,
-    below: Any, down: Floats, normal: Floats, start: Floats, measured: Any, fresh: bool,
+    own: ProbeArrays, objects: Objects, table: Floats, load: Floats, said: StatedReadings, below: Any, down: Floats,
+    normal: Floats, start: Floats, measured: Any, fresh: bool,
 ) -> int:  # fmt: skip
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its index.
 
     ``table`` (7,) and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m];
-    ``presses``, ``risen`` and ``distance`` (1,): what its modality says of these readings [N, m, m], see
-    `itouch.plugin.SurfaceFields`;
+    ``said``: what its modality says of these;
     ``down``, ``normal`` and ``start`` (3,) as in `ground.find`; ``fresh``: whether each tick has its own readings, else
     ``measured`` (1,) is the tick in which the newest of the force was measured; (0,): it is not read.
     ``below``, ``figures`` and ``kept`` are written.
     """
     c, figures, kept = own.c, own.figures, own.kept
+    presses, risen, distance = said.presses, said.risen, said.distance
     world, mesh, poses, twists = objects.world, objects.mesh, objects.poses, objects.twists
     below[0] = ground.find(c, world, mesh, poses, twists, figures, kept, down, normal, start)
     higher = 0.0 if math.isnan(risen[0]) else risen[0]

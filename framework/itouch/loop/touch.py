@@ -215,7 +215,8 @@ class ContactStep:
         own = probe_steps.ProbeArrays(self._constants, self.figures, self.surface)
         objects = probe_steps.Objects(model.geometry.world, model.geometry.mesh, self._poses, self._twists)
         look = Bound(
-            probe_steps.look_below, own, objects, here, self._load, self._presses, risen, distance, self.below,
+            probe_steps.look_below, own, objects, here, self._load,
+            probe_steps.StatedReadings(self._presses, risen, distance), self.below,
             np.array([0.0, 0.0, -1.0]), np.zeros(3), np.zeros(3),
             table.gate.acquisition.measured_of(Role.CONTACT_FORCE), not table.model.wire,
         )  # fmt: skip

@@ -118,6 +118,18 @@ class Reach(NamedTuple):
     wire: bool
 
 
+class Reading(NamedTuple):
+    """What a table read last: its pose (7,) [m; quaternion] and the force on it (6,) [N, N m].
+
+    ``tick`` (1,): the tick now; ``measured`` (1,): that in which the pose was measured.
+    """
+
+    pose: Floats
+    load: Floats
+    tick: Any
+    measured: Any
+
+
 @linked
 def _lead(c: Floats, search: Any, reach: Any) -> bool:
     """Lead the operator twin's hand down to where the plate can reach it, if its path begins higher.
@@ -304,8 +316,8 @@ def sought(stage: Any, status: Any) -> int:
 
 @kernel
 def seek(
-    c: Floats, search: Any, reach: Any, points: Floats, pose: Floats, load: Floats, figures: Floats, kept: Floats,
-    goal: Floats, closing: Floats, fixed: Any, tick: Any, measured: Any,
+    c: Floats, search: Any, reach: Any, points: Floats, read: Any, figures: Floats, kept: Floats, goal: Floats,
+    closing: Floats, fixed: Any,
 ) -> int:  # fmt: skip
     """Command the table for a tick of a touch-off that is not done; return UNFELT or TOO_HIGH at an end of its travel.
 
@@ -317,17 +329,16 @@ def seek(
         The touch-off's part of State, a `Search`, and how far the plate may go, a `Reach`.
     points
         Where the finger is touched, in the plate's plane, shape (points, 2) [m].
-    pose, load
-        Readings of the table: (7,) [m; quaternion] and (6,) [N, N m].
+    read
+        What the table read, a `Reading`.
     kept
         Memory (MEMORY,) of the surface: what is looked for renders no contact.
     goal, closing
         Written: its command (7,), and how fast it may approach the finger [m/s], shape (1,).
     fixed
         Whether frames stay as they are, shape (1,); set to 0 when the calibration changes, because they do then, too.
-    tick, measured
-        The tick, and that in which the pose was measured, shape (1,).
     """
+    pose, load = read.pose, read.load
     led = not math.isnan(reach.start) and _lead(c, search, reach)
     force, target = abs(load[2]), search.target
     r, point = render.TABLE + 3, search.point[0]
@@ -345,7 +356,7 @@ def seek(
             search.sums[:] = 0.0  # when it is enabled again, the finger has as long again
             return TOO_HIGH
     elif search.stage[0] == _RISE:
-        age = reach.period * (tick[0] - measured[0])
+        age = reach.period * (read.tick[0] - read.measured[0])
         if _rise(c, search, reach, pose, figures, kept, -load[2], age) == UNFELT:
             return UNFELT
     else:
@@ -390,11 +401,13 @@ class TouchOff:
         angles = [math.pi / 2 + 2 * math.pi * point / count for point in range(count)]
         points = np.array([(SPREAD * math.cos(angle), SPREAD * math.sin(angle)) for angle in angles])
         self._load = table.read_as(Role.CONTACT_FORCE)
-        search_on = Bound(
-            seek, contact_step.constants, search, reach, points, table.read_as(Role.TRACKED_POSE),
-            self._load, contact_step.figures, contact_step.surface, table.commanded(Role.SURFACE_POSE),
-            table.gate.actuation.moving.closing, fixed, state["tick"].reshape(1),
+        read = Reading(
+            table.read_as(Role.TRACKED_POSE), self._load, state["tick"].reshape(1),
             table.gate.acquisition.measured_of(Role.TRACKED_POSE),
+        )  # fmt: skip
+        search_on = Bound(
+            seek, contact_step.constants, search, reach, points, read, contact_step.figures, contact_step.surface,
+            table.commanded(Role.SURFACE_POSE), table.gate.actuation.moving.closing, fixed,
         )  # fmt: skip
         #: One tick of it as compiled calls, which must be the last ones of their step.
         self.bounds = (Bound(sought, self.stage.reshape(1), table.latch.seen), search_on)
