@@ -163,8 +163,8 @@ class LateSensor(Sensor):
     much deeper the finger is: ``stated`` [N] in each tick.
     """
 
-    def __init__(self, noise: float, every: int, late: int = 2) -> None:
-        super().__init__(noise)
+    def __init__(self, noise: float, every: int, late: int = 2, *, rate: int = 1000) -> None:
+        super().__init__(noise, rate)
         self.every, self.late, self.tick = every, late, late
         self.forces, self.stated = [0.0] * late, [0.0]
         self.measured, self.newest = 0, 0.0
@@ -203,13 +203,15 @@ def test_behind_a_wire_noise_is_measured_once_for_each_reading(noise: float, eve
     assert sensor.at(surface_memory.HEARD) == pytest.approx(500 * 1e-3, rel=0.01)  # by readings, not by ticks
 
 
-def test_the_fewer_the_readings_the_louder_a_sensor_must_be() -> None:
+@pytest.mark.parametrize("rate", [1000, 4000])
+def test_the_fewer_the_readings_the_louder_a_sensor_must_be(rate: int) -> None:
     """One of 40 mN is known after a quarter of a second, at a reading every 10 ms; one of 5 mN never is."""
-    loud, quiet = LateSensor(0.04, 10), LateSensor(0.005, 10)
-    loud.borne(0.0, AWAY, 250)
+    every = rate // 100
+    loud, quiet = LateSensor(0.04, every, rate=rate), LateSensor(0.005, every, rate=rate)
+    loud.borne(0.0, AWAY, rate // 4)
     assert loud.at(surface_memory.LOUD) == pytest.approx(0.04, rel=0.5)
     for _ in range(400):
-        quiet.borne(0.0, AWAY, 10)
+        quiet.borne(0.0, AWAY, every)
         assert quiet.at(surface_memory.LOUD) == 0.0
 
 

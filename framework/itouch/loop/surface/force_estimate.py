@@ -35,10 +35,11 @@ Floats = NDArray[np.float64]
 #: Noise [N rms] up to which a sensor is quiet: it seldom reads what counts as a touch (0.03 N) without one.
 QUIET = 0.0065
 #: Over what time noise is measured [s] by a reading in every tick; for how long at least before a sensor can be loud,
-#: and for how long until no more than QUIET makes it so; over as many readings where they do not come in every tick.
-#: The least noise that is taken to be there [N rms]; and how many times greater than it was so far a deviation may
-#: count [1]: a knock is no noise.
+#: and for how long until no more than QUIET makes it so.  The least noise that is taken to be there [N rms]; and how
+#: many times greater than it was so far a deviation may count [1]: a knock is no noise.
 MEASURES, FIRST, AT_LEAST, LEAST, KNOCK = 0.5, 0.02, 0.2, 0.002, 3.0
+#: How long each reading counts for there [s] behind a wire, where they are fewer: as one of a loop of 1 kHz.
+LATE_COUNTS = 1e-3
 #: By how much the force on the pad changes in a second that the motion of finger and surface does not explain
 #: [N/s^0.5]: an arm reads in steps, and no pad is as stiff as it is said to be.
 WANDERS = 0.3
@@ -52,16 +53,17 @@ JUMPED = 5e-4
 
 
 @linked
-def _measure_noise(c: Floats, memory: Floats, reading: float) -> None:
+def _measure_noise(memory: Floats, reading: float, counts: float) -> None:
     """Follow the variance of a sensor's noise [N2], by how much each reading [N] differs from the line through others.
 
-    Slow changes, as an axis's friction or a sensor's drift, do not enter.
+    Slow changes, as an axis's friction or a sensor's drift, do not enter.  ``counts``: the time [s] that one reading
+    counts for.
     """
     bend = reading - 2.0 * memory[READ] + memory[READ_BEFORE]
     variance = memory[VARIANCE]
     found = min(bend * bend / 6.0, KNOCK * KNOCK * max(variance, LEAST * LEAST))
-    memory[HEARD] += c[PERIOD]
-    memory[VARIANCE] += c[PERIOD] / min(MEASURES, memory[HEARD]) * (found - variance)
+    memory[HEARD] += counts
+    memory[VARIANCE] += counts / min(MEASURES, memory[HEARD]) * (found - variance)
 
 
 @linked
@@ -81,7 +83,7 @@ def estimate(c: Floats, memory: Floats, load: float, depth: float) -> None:
     """
     reading, deeper = -load, depth - memory[DEEP]
     if depth < -CLEAR_OF:
-        _measure_noise(c, memory, reading)
+        _measure_noise(memory, reading, c[PERIOD])
     memory[READ_BEFORE], memory[READ], memory[DEEP] = memory[READ], reading, depth
     if _is_loud(memory):
         _average(c, memory, reading, c[PERIOD], deeper, depth)
@@ -111,7 +113,7 @@ def estimate_late(c: Floats, memory: Floats, load: float, presses: float, depth:
     memory[AVERAGED_AT] = memory[HEARD_AT]
     if new:
         if depth < -CLEAR_OF:
-            _measure_noise(c, memory, -load)
+            _measure_noise(memory, -load, LATE_COUNTS)
         memory[HEARD_AT], memory[READ_BEFORE], memory[READ] = measured, memory[READ], -load
     deeper = depth - memory[DEEP]
     memory[DEEP] = depth
