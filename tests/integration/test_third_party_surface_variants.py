@@ -14,6 +14,7 @@ from test_third_party_surface_modality import ASKED, EXAMPLE
 from third_party_plugins import install
 
 import itouch
+from itouch.plugin import Role
 from itouch.testing import suites
 from itouch_tools.cli import main
 
@@ -108,6 +109,20 @@ def test_a_surface_behind_a_wire_withdraws_without_a_fault(made: Made) -> None:
     assert max(row[0] for row in rows) == 1.0
     assert max(row[1] for row in rows) > 0.005  # by the newest command it seemed to be
     assert session.report()["faults"] == []
+
+
+@pytest.mark.parametrize("robot", [PLUGIN, WIRED], ids=["at once", "behind a wire"])
+def test_a_modality_is_told_the_force_on_its_surface_as_it_is_read(made: Made, robot: str) -> None:
+    """Behind a wire it was told of none, if it said nothing of the force by itself."""
+    session = itouch.build(made(robot, brings="\nclass Plain(Hover):\n    pass\n"))
+    name = session.model.devices["presenter"].field(Role.CONTACT_FORCE)
+    rows: list[tuple[float, float]] = []
+    session.taps.append(
+        lambda tick: rows.append((session.state["tip.surface.borne"].item(), -session.state[name][2].item()))
+    )
+    session.run()
+    assert max(read for _, read in rows) > 0.3
+    assert [borne for borne, _ in rows] == [max(0.0, read) for _, read in rows]
 
 
 def test_one_that_is_stuck_behind_a_wire_is_astray(made: Made) -> None:

@@ -72,11 +72,11 @@ def test_behind_a_wire_a_surface_is_as_deep_in_the_finger_as_its_modality_says(
     distance: float, depth: list[float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Out of reach it is far away, and not as near as it was last: what it read then would go on being felt."""
-    told: list[float] = []
+    told, believed = list[float](), list[float]()
     estimate = SimpleNamespace(
-        estimate_late=lambda c, kept, load, presses, deep, measured: told.extend((deep,)),
-        believed=lambda kept, load: load,
-    )
+        estimate_late=lambda c, kept, load, presses, deep, measured: told.append(deep),
+        believe=lambda kept, reading: believed.append(reading), believed=lambda kept, load: load,
+    )  # fmt: skip
     monkeypatch.setattr(probe_steps, "force_estimate", estimate)
     monkeypatch.setattr(probe_steps, "ground", SimpleNamespace(find=lambda *words: 3))
     monkeypatch.setattr(probe_steps, "plate", SimpleNamespace(foresee=lambda *words: None))
@@ -88,6 +88,7 @@ def test_behind_a_wire_a_surface_is_as_deep_in_the_finger_as_its_modality_says(
     parts = np.zeros(7), np.zeros(6), said, np.zeros(1, np.int64), np.zeros(3), np.zeros(3), np.zeros(3)
     assert python_of(probe_steps.look_below)(own, objects, *parts, np.zeros(1, np.int64), False) == 0
     assert told == pytest.approx(depth)
+    assert believed == ([] if depth else [0.5])  # what it says of the force, where it says nothing of the distance
 
 
 def test_the_finger_is_where_its_tracker_is_mounted_and_its_speed_is_smoothed(monkeypatch: pytest.MonkeyPatch) -> None:

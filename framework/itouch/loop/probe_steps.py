@@ -145,10 +145,9 @@ def look_below(
     """Find the virtual surface below the finger, for the modality that carries one to it; ``below`` (1,): its index.
 
     ``table`` (7,) and ``load`` (6,): the device's readings of its pose [m; quaternion] and of the force on it [N, N m];
-    ``said``: what its modality says of these;
-    ``down``, ``normal`` and ``start`` (3,) as in `ground.find`; ``fresh``: whether each tick has its own readings, else
-    ``measured`` (1,) is the tick in which the newest of the force was measured; (0,): it is not read.
-    ``below``, ``figures`` and ``kept`` are written.
+    ``said``: what its modality says of these; ``down``, ``normal`` and ``start`` (3,) as in `ground.find`; ``fresh``:
+    whether each tick has its own readings, else ``measured`` (1,) is the tick in which the newest of the force was
+    measured; (0,): it is not read.  ``below``, ``figures`` and ``kept`` are written.
     """
     c, figures, kept = own.c, own.figures, own.kept
     presses, risen, distance = said.presses, said.risen, said.distance
@@ -163,6 +162,8 @@ def look_below(
         away = min(max(distance[0], -FURTHEST), FURTHEST)
         depth = -away - c[render.PERIOD] * figures[render.VELOCITY + 2]
         force_estimate.estimate_late(c, kept, load[2], presses[0], depth, float(measured[0]))
+    else:  # what is read, or said, is all that is known
+        force_estimate.believe(kept, -force.on_plate(load, presses))
     plate.foresee(c, table, figures, kept, force_estimate.believed(kept, force.on_plate(load, presses)), higher)
     return 0
 

@@ -88,7 +88,7 @@ def estimate(c: Floats, memory: Floats, load: float, depth: float) -> None:
     if _is_loud(memory):
         _average(c, memory, reading, c[PERIOD], deeper, depth)
     else:
-        _believe(memory, reading)
+        believe(memory, reading)
 
 
 @linked
@@ -109,7 +109,7 @@ def estimate_late(c: Floats, memory: Floats, load: float, presses: float, depth:
     measured
         The tick in which ``load`` was measured.
     """
-    come, new = memory[HEARD_AT] - memory[AVERAGED_AT], measured > memory[HEARD_AT]
+    ticks, new = memory[HEARD_AT] - memory[AVERAGED_AT], measured > memory[HEARD_AT]
     memory[AVERAGED_AT] = memory[HEARD_AT]
     if new:
         if depth < -CLEAR_OF:
@@ -118,9 +118,9 @@ def estimate_late(c: Floats, memory: Floats, load: float, presses: float, depth:
     deeper = depth - memory[DEEP]
     memory[DEEP] = depth
     if not _is_loud(memory):
-        _believe(memory, presses)
-    elif come > 0.0 or memory[LOUD] <= 0.0:
-        _average(c, memory, presses, max(1.0, come) * c[PERIOD], deeper, depth)
+        believe(memory, presses)
+    elif ticks > 0.0 or memory[LOUD] <= 0.0:  # it is of a reading that has not been averaged yet
+        _average(c, memory, presses, max(1.0, ticks) * c[PERIOD], deeper, depth)
     else:
         memory[FILTERED] = _moved_on(c, memory, deeper)
         memory[BORNE] = _borne(memory[FILTERED], depth, memory[UNSURE] / SURE)
@@ -134,8 +134,8 @@ def _is_loud(memory: Floats) -> bool:
 
 
 @linked
-def _believe(memory: Floats, reading: float) -> None:
-    """Take the reading of a quiet sensor [N] for the force."""
+def believe(memory: Floats, reading: float) -> None:
+    """Take a reading [N] for the force, as of a quiet sensor; ``memory`` (MEMORY,) of the surface."""
     memory[LOUD] = memory[UNSURE] = 0.0
     memory[FILTERED], memory[BORNE] = reading, max(0.0, reading)
 
