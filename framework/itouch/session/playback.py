@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Device, DeviceError, Record, Twin, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.plugin.device import is_new
 from itouch.plugin.timestamps import Timestamped
 from itouch.recording import Recording
@@ -24,6 +25,9 @@ class PlaybackTwin(Twin, Timestamped):
     def __init__(self, name: str, inner: Twin, feed: Feed) -> None:
         super().__init__(None)
         self._name, self._inner, self._feed = name, inner, feed
+        self._bound = BoundTwin(inner)
+        #: What the twin underneath reads: one record, to which its compiled call stays bound.
+        self._underneath: Record | None = None
 
     def position(self, state: Record) -> NDArray[np.float64] | None:
         """Return the true position of the twin underneath."""
@@ -31,7 +35,7 @@ class PlaybackTwin(Twin, Timestamped):
 
     def step(self, state: Record, command: Record, touch: TwinInputs, period: float) -> None:
         """Step the twin underneath."""
-        self._inner.step(state, command, touch, period)
+        self._bound.step(state, command, touch, period)
 
     def read(self, state: Record, reading: Record) -> bool | None:
         """Give the reading of this tick; False if there was nothing new.
@@ -41,7 +45,10 @@ class PlaybackTwin(Twin, Timestamped):
         DeviceError
             If the device failed in this tick.
         """
-        answered = is_new(self._inner.read(state, reading.copy()))
+        if self._underneath is None:
+            self._underneath = reading.copy()
+        self._underneath.raw[:] = reading.raw
+        answered = is_new(self._bound.read(state, self._underneath))
         uncounted = self._feed.uncounted(self._name)
         return self._feed.give(self._name, reading) or (answered and uncounted)
 
@@ -97,10 +104,20 @@ class Feed:
 
     def __init__(self, recording: Recording, session: Session) -> None:
         self._tables = {name: recording[name] for name, t in recording.tracks.items() if t.replay}
+        #: What is looked at in every tick, one view a column: the readings of a device, and where it failed.
         self._readings = {
-            name: [c.name for c in device.reads if in_track(c.name) in (self._tables[name].dtype.names or ())]
+            name: [
+                (c.name, self._tables[name][in_track(c.name)])
+                for c in device.reads
+                if in_track(c.name) in (self._tables[name].dtype.names or ())
+            ]
             for name, device in session.model.devices.items()
             if name in self._tables
+        }
+        self._fails = {
+            name: self._tables[name]["trip"] == Trip.DEVICE_ERROR
+            for name in self._readings
+            if "trip" in (self._tables[name].dtype.names or ())
         }
         self._sequences = {name: session.state[f"{name}.sequence"] for name in self._readings}
         self._ages = {name: session.state[f"{name}.age"] for name in self._readings}
@@ -126,11 +143,10 @@ class Feed:
 
         No fault tells of it, as that of the first device does, but its recorded trip.
         """
-        table = self._tables.get(device)
-        if table is None or device not in self._trips or "trip" not in (table.dtype.names or ()):
+        fails = self._fails.get(device)
+        if fails is None or not fails[self.at] or self._trips[device].item() == Trip.DEVICE_ERROR:
             return ""
-        fails = table["trip"][self.at] == Trip.DEVICE_ERROR != self._trips[device].item()
-        return "it failed after another device" if fails else ""
+        return "it failed after another device"
 
     def give(self, device: str, reading: Record) -> bool:
         """Fill a reading from the current row; tell whether it was new.
@@ -148,8 +164,8 @@ class Feed:
         if table is None or at >= len(table):
             return False
         changed = bool(table["sequence"][at] != self._sequences[device])
-        for name in self._readings[device]:
-            found = table[in_track(name)][at]
+        for name, column in self._readings[device]:
+            found = column[at]
             changed = changed or not np.array_equal(reading[name], found, equal_nan=True)
             reading[name][...] = found
         return changed
