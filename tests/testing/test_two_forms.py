@@ -11,6 +11,7 @@ import pytest
 from slider import Slider, SliderTwin
 from test_modality_suite import Counter, harness
 
+from itouch import joining
 from itouch.plugin import Bound, Contact, ContactArrays, ContactEvent, Field, Record, Twin, TwinInputs
 from itouch.plugin.kernels import kernel
 from itouch.testing import joined
@@ -228,6 +229,15 @@ class TwoFormsTwin(SliderTwin):
 
     def bound_read(self, state: Record, reading: Record) -> Bound:
         return Bound(_read, self.which, state["place"], reading["pose"])
+
+
+def test_a_bench_binds_the_calls_of_a_twin_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a session does: binding takes ten times as long as the call."""
+    bench = DeviceHarness(type("Moved", (Slider,), {"Twin": TwoFormsTwin}), "slider").bench()
+    called, caller = list[Bound](), joining.caller
+    monkeypatch.setattr(joining, "caller", lambda bound: called.append(bound) or caller(bound))
+    bench.step(50)
+    assert [bound.function for bound in called] == [_step, _read]
 
 
 def _twin(which: int, **more: Any) -> CheckResult:

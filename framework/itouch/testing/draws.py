@@ -91,7 +91,7 @@ class States:
     def free(self, fields: Iterable[Field], own: Collection[str], state: Record) -> None:
         """Say which fields may be drawn by themselves, once all States of the run are kept; tables are not.
 
-        ``own``: those of the plugin, which are drawn more often than what it only reads, of which there may be much.
+        ``own``: those that matter to the plugin, which are drawn more often than others, of which there may be many.
         """
         table = np.frombuffer(b"".join(self._kept), state.dtype) if state.nbytes else np.zeros(1, state.dtype)
         self._ranges = {one.name: _Range(one, table[one.name]) for one in fields if table[one.name].dtype.kind in "iuf"}

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from itouch.plugin import Channel, Device, DeviceError, Field, IdealTwin, Record, Role, Twin, TwinInputs
+from itouch.plugin.bound_twin import BoundTwin
 from itouch.plugin.discovery import Catalog
 from itouch.plugin.ideal import ROOM
 from itouch.scene import Scene
@@ -170,6 +171,7 @@ class TwinBench:
         self.reads, self.commands = harness.cls.channels(params)
         self.twin: Twin = IdealTwin(params, harness.cls) if harness.cls.Twin is None else harness.cls.Twin(params)
         self.twin.set_environment(ROOM, SKIN)
+        self._bound = BoundTwin(self.twin)  # as a session calls it; `itouch.testing.joined` compares it with Python's
         #: Name of the reading that is the pose of its end; empty: there is none.
         self.pose = next((c.name for c in self.reads if c.role is Role.TRACKED_POSE), "")
         self.state = Record.of(self.twin.fields())
@@ -222,8 +224,8 @@ class TwinBench:
         for _ in range(count):
             if driven:
                 self.drive()
-            self.twin.step(self.state, self.command, self.touch, PERIOD)
-            self.fresh = self.twin.read(self.state, self.reading)
+            self._bound.step(self.state, self.command, self.touch, PERIOD)
+            self.fresh = self._bound.read(self.state, self.reading)
             self.tick += 1
 
 

@@ -6,11 +6,13 @@ Both forms go through a run, and begin at States, commands, inputs and contact e
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from itouch.joining import can_join, is_newest
 from itouch.loop import Engine
@@ -169,8 +171,10 @@ class _Pair:
         return TwoForms("on_contact", _calls(bound), python, self._sides)
 
     def free(self, states: States) -> None:
-        """Let all that it writes or reads be drawn by itself."""
+        """Let what it writes or reads be drawn by itself, most often what it writes or its compiled form is given."""
         own, reads = set(self._fields()), self._own.instance.reads(self._own.model)
+        given = [one for form in self.forms for bound in form.bounds for one in _arrays(bound.arguments)]
+        own |= {name for name, view in self._compiled.items() if any(np.may_share_memory(view, one) for one in given)}
         chosen: list[Field] = [
             field
             for field in layout(self._model)
@@ -191,6 +195,14 @@ class _Pair:
                 self._update.run(draw, drawn=True)
                 self._python["tick"] += 1
                 self._sides.level()
+
+
+def _arrays(arguments: Iterable[object]) -> Iterator[NDArray[Any]]:
+    for one in arguments:
+        if isinstance(one, np.ndarray):
+            yield one
+        elif isinstance(one, tuple):
+            yield from _arrays(one)
 
 
 def _joins(instance: Modality, bound: str, *alone: str) -> bool:

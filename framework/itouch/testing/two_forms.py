@@ -113,6 +113,8 @@ class TwoForms:
 
     def __init__(self, name: str, bounds: Sequence[Bound], python: Callable[[], object], sides: Sides) -> None:
         self.name, self._python, self._sides = name, python, sides
+        #: The calls in place of Python's.
+        self.bounds = tuple(bounds)
         self._chain = Chain(bounds, [len(bounds)]) if bounds else None
         #: How often both forms have run.
         self.compared = 0
