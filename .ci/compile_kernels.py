@@ -1,8 +1,9 @@
-"""Compile kernels to come with the wheel: ``python .ci/compile_kernels.py [SCENE ...]``, all shipped scenes of twins.
+"""Compile kernels to come with the wheel: ``python .ci/compile_kernels.py [--kept] [SCENE ...]``.
 
-They go to ``framework/itouch/compiled``, for a kind of processor that is older than most (x86-64-v3).  Each scene runs
-in a process of its own for some simulated time, recorded, and once more as a later start, which finds its meshes built;
-whatever it does not compile is compiled where it is used.
+They go to ``framework/itouch/compiled``, for a kind of processor that is older than most (x86-64-v3).  Each scene (all
+shipped scenes of twins, unless some are named) runs in a process of its own for some simulated time, recorded, and once
+more as a later start, which finds its meshes built; whatever it does not compile is compiled where it is used.  With
+``--kept`` what the folder of ITOUCH_KERNELS has for that kind of processor is taken as it is.
 """
 
 from __future__ import annotations
@@ -35,13 +36,15 @@ def main() -> int:
     sys.path.insert(0, str(TREE / "framework"))
     from itouch import shipped
 
-    chosen = [Path(word) for word in sys.argv[1:]] or [
+    words = sys.argv[1:]
+    take_kept = "--kept" in words
+    chosen = [Path(word) for word in words if word != "--kept"] or [
         path for name in SCENES if (path := TREE / "scenes" / f"{name}.xml").exists()
     ]
     shutil.rmtree(FOLDER, ignore_errors=True)
     with tempfile.TemporaryDirectory() as kept:
         more = {
-            shipped.MAKING: str(FOLDER), "NUMBA_CACHE_DIR": kept, "ITOUCH_KEPT": "off",
+            shipped.MAKING: str(FOLDER), "ITOUCH_KEPT": "off", **({} if take_kept else {"NUMBA_CACHE_DIR": kept}),
             "ITOUCH_MESH_CACHE": os.path.join(kept, "meshes"),  # a mesh that this user has built would not be built now
             "NUMBA_CPU_NAME": shipped.BASELINE, "NUMBA_CPU_FEATURES": "",
         }  # fmt: skip

@@ -462,6 +462,8 @@ class KernelCache(FunctionCache):
         except Exception:  # damaged, or of types from another version of the program: pickle may raise anything
             self._forget()
             found = None
+        if found is not None and self._making:
+            self._ship(self._index_key(sig, target_context.codegen()), self._kept().load)
         if found is None and self._enabled and not self._making and shipped.fits():
             found = self._load_shipped(sig, target_context)
         if found is None and _together is not None:
@@ -518,6 +520,11 @@ class KernelCache(FunctionCache):
             return None
         return self._impl.rebuild(target_context, store.load(key))
 
+    def _ship(self, key: Any, stored: Callable[[Any], Any]) -> None:
+        """Write a kernel for shipping; ``stored`` gives what the cache stores of it by its key."""
+        os.makedirs(self._shipped._cache_path, exist_ok=True)
+        self._shipped.save(key, stored(key))
+
     def _save_overload(self, sig: Any, data: Any) -> None:
         if not isinstance(self._impl.locator, _NoCache):
             of_numba: Any = super()._save_overload
@@ -525,7 +532,6 @@ class KernelCache(FunctionCache):
             with contextlib.suppress(Exception):  # the old cache can be neither read nor removed: go on without it
                 of_numba(sig, data)
         if self._making and self._impl.check_cachable(data):
-            os.makedirs(self._shipped._cache_path, exist_ok=True)
-            self._shipped.save(self._index_key(sig, data.codegen), self._impl.reduce(data))
+            self._ship(self._index_key(sig, data.codegen), lambda _: self._impl.reduce(data))
         if (claim := self._claims.pop(str(sig), None)) is not None:
             os.close(claim)

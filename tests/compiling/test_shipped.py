@@ -64,9 +64,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A program of one kernel, and that kernel compiled to come with it."""
     folder = tmp_path_factory.mktemp("program")
     (folder / "kernels.py").write_text(KERNELS.format(factor=2.0), encoding="utf-8")
-    ship = {shipped.MAKING: str(folder / "compiled"), "NUMBA_CPU_NAME": shipped.BASELINE, "NUMBA_CPU_FEATURES": ""}
-    assert run(folder, "make", **ship) == (5.0, 0)
+    assert run(folder, "make", **shipping(folder)) == (5.0, 0)
     return folder
+
+
+def shipping(folder: Path) -> dict[str, str]:
+    """Return the environment in which kernels are compiled for shipping."""
+    return {shipped.MAKING: str(folder / "compiled"), "NUMBA_CPU_NAME": shipped.BASELINE, "NUMBA_CPU_FEATURES": ""}
 
 
 @pytest.fixture
@@ -82,6 +86,15 @@ def program(made: Path, tmp_path: Path) -> Path:
 def test_the_first_start_compiles_nothing(program: Path) -> None:
     assert run(program, "use") == (5.0, 1)
     assert not list((program / "kept").rglob("*.nbc"))
+
+
+def test_a_kernel_that_was_kept_is_shipped_without_compiling_it_again(tmp_path: Path) -> None:
+    (tmp_path / "kernels.py").write_text(KERNELS.format(factor=2.0), encoding="utf-8")
+    for loaded in (0, 1):
+        assert run(tmp_path, "make", **shipping(tmp_path)) == (5.0, loaded)
+        (tmp_path / "compiled").chmod(0o755)
+        assert run(tmp_path, "use", kept=f"other{loaded}") == (5.0, 1)
+        shutil.rmtree(tmp_path / "compiled")
 
 
 def test_changed_code_is_compiled_instead_of_loaded(program: Path) -> None:
