@@ -7,11 +7,11 @@ and CI asks that nothing has changed after it built the site.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import io
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -117,15 +117,41 @@ def _of_command(*words: str) -> list[str]:
     """Return the section of a command, with those of the commands that it has of its own, whose list is in its help."""
     from itouch_tools.cli import sweep
 
-    done = subprocess.run([sys.executable, "-m", "itouch_tools.cli", *words, "--help"], capture_output=True, text=True,
-                          check=True, env={**os.environ, "COLUMNS": "78", "NO_COLOR": "1"})  # fmt: skip
-    text = done.stdout.rstrip()
+    text = _help(*words)
     own = list(sweep.COMMANDS) if words == ("sweep",) else re.findall(r"(?m)^ {4}([a-z][a-z-]*)(?=  |$)", text)
     text = text.partition("\n\noptions of every command:")[0]  # they stand at the top
     lines = ["#" * (1 + len(words)) + f" itouch-py {' '.join(words)}", "", "```text", text, "```", ""]
     for each in own:
         lines += _of_command(*words, each)
     return lines
+
+
+def _help(*words: str) -> str:
+    """Return what a command's ``--help`` prints.
+
+    Raises
+    ------
+    RuntimeError
+        If it does not end with 0.
+    """
+    from itouch_tools.cli import main
+
+    said, code = io.StringIO(), 0
+    known = {name: os.environ.get(name) for name in ("COLUMNS", "NO_COLOR")}
+    os.environ.update(COLUMNS="78", NO_COLOR="1")
+    try:
+        with contextlib.redirect_stdout(said):
+            code = main([*words, "--help"])
+    except SystemExit as end:
+        code = end.code or 0
+    finally:
+        for name, value in known.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
+    if code:
+        raise RuntimeError(f"itouch-py {' '.join(words)} --help ends with {code}")
+    return said.getvalue().rstrip()
 
 
 def _variables() -> str:
