@@ -20,6 +20,7 @@ from itouch.safety.actuation import BACKWARDS, HELD
 from itouch.session import Session
 from itouch_evidence.faults import phases, prepared
 from itouch_evidence.faults.behind_wires import Pair, run
+from itouch_tools.cli import main
 
 #: Ticks of the safe sequence of a table that is wired backwards in which it is held, and in which it is driven back.
 IN_A_HOLD, ON_ITS_WAY = 40, 90
@@ -93,6 +94,28 @@ def test_rearming_ends_what_was_under_way(stored: dict[int, Path]) -> None:
     assert session.state["stopping"].item() == 0
     session.run(0.02)
     assert all(one.latch.status is Status.ENABLED for one in session.runners)
+
+
+def test_a_restored_session_that_was_stopped_says_so_until_it_is_rearmed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It went on with safe commands, and neither `run` nor the report's notices said that it was stopped."""
+    path, rearmed = tmp_path / "stopped.itouch", tmp_path / "rearmed.itouch"
+    scene = tmp_path / "scene.xml"
+    fault = '<fault device="arm" kind="nan" at="20 ms" for="10 ms"/></itouch>'
+    scene.write_text((SCENES / "first_touch.xml").read_text(encoding="utf-8").replace("</itouch>", fault))
+    session = itouch.build(scene)
+    with pytest.raises(DeviceFaultError):
+        session.run()
+    session.run(0.05)
+    session.save(path)
+    assert main(["run", str(path), "--headless", "--for", "10ms"]) == 0
+    assert "device 'arm' was stopped by not-a-number at 0.020 s" in capsys.readouterr().err
+    session = itouch.restore(path)
+    assert sum("re-armed" in one for one in session.notices) == 1
+    session.rearm()
+    session.save(rearmed)
+    assert not any("re-armed" in one for one in itouch.restore(rearmed).notices)
 
 
 def test_a_session_that_was_coming_to_rest_comes_to_rest(tmp_path: Path) -> None:

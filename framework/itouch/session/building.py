@@ -10,6 +10,7 @@ from itouch.gc_policy import rare_collections
 from itouch.loop import Clock
 from itouch.plugin.bases import Bases, keeping
 from itouch.plugin.discovery import Catalog
+from itouch.safety import LOSSES, Trip
 from itouch.scene import Scene
 from itouch.scene.loader import read_scene
 from itouch.schema import ItouchError, Problem, SceneError
@@ -157,9 +158,25 @@ def restore(
     """
     plugins = catalog or Catalog()
     session = rebuild(read_session(path, plugins), os.fspath(path), plugins, clock)
+    _tell_what_stopped(session)
     if opens:
         session.open_readable()
     return session
+
+
+def _tell_what_stopped(session: Session) -> None:
+    """Say which trips of twins are still latched: a run would go on with safe commands, and nothing would say why.
+
+    Hardware needs no word here, because it can't be enabled before it is re-armed, which says so.
+    """
+    for runner in session.runners:
+        trip, model = runner.latch.trip, runner.model
+        if model.twin and trip is not Trip.NONE and not (model.optional and trip in LOSSES):
+            when = runner.latch.tripped * session.model.period
+            session.tell(
+                f"device '{model.name}' was stopped by {trip.label} at {when:.3f} s, before this session "
+                "was stored: the devices stay safe until they are re-armed (session.rearm(), or R in a window)"
+            )
 
 
 def rebuild(snapshot: Snapshot, name: str, catalog: Catalog, clock: Clock | None, *, replays: bool = False) -> Session:
