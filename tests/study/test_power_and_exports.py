@@ -272,6 +272,14 @@ def test_bids_tables_describe_every_column(tmp_path: Path) -> None:
         write_bids([*ROWS, ROWS[0].__class__("P2-", *[getattr(ROWS[0], n) for n in ROWS[0].__slots__[1:]])], tmp_path, name="x")  # fmt: skip
 
 
+@pytest.mark.parametrize(("name", "label"), [("touch " * 60, ("touch" * 60)[:64]), ("木", "study")])
+def test_a_study_of_any_name_becomes_bids_files(tmp_path: Path, name: str, label: str) -> None:
+    """A name of 300 characters was more than a file's name may have, and nothing but the first tables was written."""
+    write_bids(ROWS, tmp_path, name=name)
+    assert (tmp_path / "sub-P2" / "beh" / f"sub-P2_task-{label}_beh.tsv").exists()
+    assert json.loads((tmp_path / "dataset_description.json").read_text(encoding="utf-8"))["Name"] == name
+
+
 def test_a_study_is_exported_by_a_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with Store.open(tmp_path, create=True) as store:
         for row in ROWS:

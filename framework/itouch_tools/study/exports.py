@@ -83,6 +83,10 @@ def _value(cell: str) -> Any:
     return cell
 
 
+#: How much of a study's name stands in the names of files [characters], which may have 255 with all else in them.
+LONGEST_LABEL = 64
+
+
 def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
     """Write ``dataset_description.json``, ``participants.tsv`` and a table of trials for each participant.
 
@@ -93,7 +97,7 @@ def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
     folder
         The target; it is made if it is missing.
     name
-        Name of the study.
+        Name of the study; its letters and digits, up to ``LONGEST_LABEL``, are the label of the task.
 
     Raises
     ------
@@ -102,7 +106,7 @@ def write_bids(rows: Sequence[Row], folder: Path, *, name: str) -> list[Path]:
     OSError
         If a file can't be written.
     """
-    label = re.sub(r"[^A-Za-z0-9]", "", name) or "study"
+    label = re.sub(r"[^A-Za-z0-9]", "", name)[:LONGEST_LABEL] or "study"
     people = sorted({row.participant for row in rows})
     subjects = {code: re.sub(r"[^A-Za-z0-9]", "", code) or "x" for code in people}
     if len(set(subjects.values())) < len(people):
