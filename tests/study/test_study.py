@@ -576,6 +576,28 @@ def test_observers_of_another_model_need_another_folder(
     assert main(words) == 0
 
 
+def test_people_and_simulated_observers_are_kept_apart(
+    tmp_path: Path, hands: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Observers were added to people's data; and a person with an observer's code was done before the first trial."""
+    path, simulated_data, data = str(written(tmp_path)), str(tmp_path / "simulated"), tmp_path / "data"
+    answers = tmp_path / "answers.txt"
+    answers.write_text("wood\n")
+    data.mkdir()
+    assert main(["study", "simulate", path, "-o", simulated_data, "--observers", "1"]) == 0
+    for code in ("S001", "P01"):
+        assert main(["study", "run", path, "-o", simulated_data, "--participant", code, "--answers", str(answers)]) == 2
+        assert "simulated holds trials of S001, a simulated observer (simulated-flux)" in capsys.readouterr().err
+    with Store.open(data, create=True) as store:
+        for code in ("P01", "simulated"):
+            trial = Row(code, 0, "main", "identify", {"material": "wood"}, [{"material": "wood"}], 0.0, 1.0,
+                        f"{code}-1", "now")  # fmt: skip
+            store.add(trial)
+        store.refuse_simulated()
+    assert main(["study", "simulate", path, "-o", str(data), "--observers", "1"]) == 2
+    assert "data holds trials of P01-1, these would be of simulated-flux: another folder" in capsys.readouterr().err
+
+
 def test_the_time_that_is_told_is_what_the_study_asks_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path)
     assert main(["study", "check", str(path)]) == 0

@@ -60,6 +60,7 @@ def run(file: StudyFile, options: argparse.Namespace) -> int:
     catalog, folder = Catalog(), folder_of(options)
     rig_windows.refuse(file, catalog, switch=options.operator, fast=options.pace == "fast")
     with Store.open(folder) as store:
+        store.refuse_simulated()
         course = Course(file, options.participant, store.rows(options.participant))
         before, left = len(course.rows), course.left
         over = course.next() is None

@@ -54,6 +54,7 @@ class Run:
     ) -> None:  # fmt: skip
         self._file, self._code, self._store, self._answers = file, code, store, answers
         self._study, self._show, self._operator = file.study, show, operator
+        store.refuse_simulated()
         self.course = Course(file, code, store.rows(code))
         seed = int(orders.generator(file.study.seed, code, "twins").integers(2**31))
         recordings = store.folder / "recordings"

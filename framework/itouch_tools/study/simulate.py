@@ -31,13 +31,10 @@ from itouch_tools.study.plugin_tasks import TaskError, task_of
 from itouch_tools.study.progression import Course, NextTrial
 from itouch_tools.study.reading import StudyFile, load_study
 from itouch_tools.study.study_elements import TASKS
-from itouch_tools.study.study_store import Row, Store, StoreError
+from itouch_tools.study.study_store import SIMULATED, Row, Store, StoreError
 from itouch_tools.study.tasks import is_right, taken_answer
 from itouch_tools.study.touches import TouchRunner, figures
 from itouch_tools.study.trials import Trial
-
-#: Beginning of the session's name in rows of simulated trials, which have no recording.
-SIMULATED = "simulated"
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +157,7 @@ def _simulate_one(work: tuple[str, str, Panel, str]) -> Made:
     count, void = 0, Counter[str]()
     with Store.open(Path(folder)) as store:
         simulation, done = Simulation(file, code, panel, catalog), store.rows(code)
-        others = sorted({row.session for row in done if row.session != simulation.session})
+        others = [session for session in store.sessions() if session != simulation.session]
         if others:
             raise StoreError(
                 f"{folder} holds trials of {others[0]}, these would be of {simulation.session}: another folder"

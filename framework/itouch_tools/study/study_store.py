@@ -87,6 +87,10 @@ _JSON: dict[str, tuple[type, ...]] = {"condition": (dict,), "shown": (list,), "f
 ROOM = 1 << 16
 
 
+#: Beginning of the session's name in rows of simulated trials, which have no recording.
+SIMULATED = "simulated"
+
+
 class StoreError(ItouchError):
     """A study's data that cannot be opened, read or written; the message says why and what to do."""
 
@@ -325,6 +329,32 @@ class Store:
         """Return the codes of all participants who have trials, sorted."""
         with _sentences(self.folder / "trials.sqlite"):
             return [code for (code,) in self._trials.execute("SELECT DISTINCT participant FROM trials ORDER BY 1")]
+
+    def sessions(self) -> list[str]:
+        """Return the names of all sessions that have trials, sorted."""
+        with _sentences(self.folder / "trials.sqlite"):
+            return [name for (name,) in self._trials.execute("SELECT DISTINCT session FROM trials ORDER BY 1")]
+
+    def refuse_simulated(self) -> None:
+        """Keep what people answer apart from what simulated observers have answered.
+
+        Raises
+        ------
+        StoreError
+            If the study's data has trials of simulated observers.
+        """
+        query = (  # a person's session begins with the person's code, which may be any word
+            "SELECT participant, session FROM trials WHERE substr(session, 1, ?) = ? "
+            "AND substr(session, 1, length(participant) + 1) <> participant || '-' ORDER BY 1 LIMIT 1"
+        )
+        with _sentences(self.folder / "trials.sqlite"):
+            found = self._trials.execute(query, (len(SIMULATED) + 1, f"{SIMULATED}-")).fetchone()
+        if found is not None:
+            code, session = found
+            raise StoreError(
+                f"{self.folder} holds trials of {code}, a simulated observer ({session}), which every analysis would "
+                "take for a person: give people's data another folder (-o)"
+            )
 
     def known(self) -> list[str]:
         """Return the codes of all participants who have trials or personal data, sorted."""
