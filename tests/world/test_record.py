@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -24,6 +28,21 @@ def test_not_a_number_equals_itself_in_a_state() -> None:
     one = Record.of((Field("target", "f8"),))
     one["target"] = np.nan
     assert one == one.copy() and (one != one.copy()) is False
+
+
+@pytest.mark.parametrize(
+    "copied",
+    [copy.copy, copy.deepcopy, lambda record: pickle.loads(pickle.dumps(record))],
+    ids=["copy", "deep", "pickle"],
+)
+def test_copies_of_a_state_are_independent_records(copied: Callable[[Record], Record]) -> None:
+    """Python's own ways to copy raised KeyError: a worker of `itouch.batch` could not hand a State over."""
+    one = Record.of((Field("pose", "f8", 7), Field("count", "i8")))
+    one["count"] = 3
+    two = copied(one)
+    assert type(two) is Record and two == one
+    two["count"] = 4
+    assert one["count"] == 3 and two["count"] == 4
 
 
 def test_a_record_is_no_key() -> None:

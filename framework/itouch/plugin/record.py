@@ -142,6 +142,10 @@ class Record(dict[str, NDArray[Any]]):
         """Return an independent record with the same content."""
         return type(self)(self.dtype, self.raw.copy())
 
+    def __reduce__(self) -> tuple[type[Record], tuple[np.dtype[Any], NDArray[np.uint8]]]:
+        """Let pickle and ``copy`` make a record of its own with the same content, as `copy` does."""
+        return type(self), (self.dtype, self.raw.copy())
+
     def flat(self, first: str, last: str) -> NDArray[np.float64]:
         """Return the contiguous float64 fields from ``first`` to ``last`` as one flat view.
 
