@@ -21,9 +21,10 @@ from itouch_encountered.surface_fields import (
     LAG,
     LIFTS,
     PAST,
+    PRESSES,
     RISE,
-    ROW_Z,
     SINCE,
+    UPRIGHT,
     WAY,
 )
 
@@ -73,7 +74,7 @@ def test_the_surface_is_foreseen_by_how_the_finger_goes_along_its_slope(
     """A command that is sent now acts when the wire and the device's lag are over."""
     for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
         monkeypatch.setattr(over_wire, name, lambda *words: None)
-    for name, value in (("_height", 0.0), ("_commanded", math.nan), ("_since", 0.0), ("_pressed", 0.0)):
+    for name, value in (("_height", 0.0), ("_commanded", math.nan), ("_since", 0.0), ("_pressed", 0.0), ("top", 0.0)):
         monkeypatch.setattr(over_wire, name, lambda *words, value=value: value)
     own = np.zeros(GONE_BY + 3 * PAST)
     own[WAY], own[LAG], period = 0.02, 0.009, 1e-3
@@ -98,19 +99,41 @@ def test_the_surface_has_gone_on_since_it_was_read_as_its_commands_have(
     """One command leaves in each tick, and each sends the surface further up: it follows by the device's lag."""
     for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
         monkeypatch.setattr(over_wire, name, lambda *words: None)
-    for name in ("_height", "_commanded", "_since", "_pressed"):
+    for name in ("_height", "_commanded", "_since", "_pressed", "top"):
         monkeypatch.setattr(over_wire, name, python_of(getattr(over_wire, name)))
     rise, size, period = 1e-4, 2 * AGE, 1e-3
     gone = np.zeros((size, 4))
     for tick in range(TICK - size, TICK):
         gone[tick % size] = tick, 0.0, 0.0, rise * tick
     own, frame = np.zeros(GONE_BY + 3 * PAST), np.zeros(12)
-    own[LAG], own[HOLD], frame[ROW_Z + 2] = lag, period, 1.0
+    own[LAG], own[HOLD], frame[UPRIGHT] = lag, period, 1.0
     w: Any = SimpleNamespace(
         tick=(TICK,), measured=(TICK - AGE,), hip=(0.0, 0.0, 0.0), pose=np.zeros(7), frame=frame, lifts=(0.0,),
         slope_x=(0.0,), slope_y=(0.0,), gone=gone, goings=(TICK,), load=np.zeros(6),
     )  # fmt: skip
-    c = SimpleNamespace(period=period, radius=RADIUS, has_load=False, stiffness=STIFFNESS)
+    c = SimpleNamespace(period=period, radius=RADIUS, has_load=False, stiffness=STIFFNESS, x=0.0, y=0.0, z=0.0)
     assert python_of(over_wire.look_over_wire)(c, w, own) == 0
     assert own[SINCE] == pytest.approx(AGE * rise, rel=1e-9)
     assert own[BEHIND] == pytest.approx(rise * (TICK - 1) - AGE * rise, rel=1e-9)  # what was read is at the origin
+
+
+@pytest.mark.parametrize("higher", [0.0, 4e-3])
+def test_a_finger_presses_on_the_face_wherever_on_the_device_that_is(
+    higher: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A plate that lies on the table is higher than the table's pose; the finger has come to it since it was read."""
+    for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
+        monkeypatch.setattr(over_wire, name, lambda *words: None)
+    for name, value in (("_commanded", math.nan), ("_since", 0.0)):
+        monkeypatch.setattr(over_wire, name, lambda *words, value=value: value)
+    for name in ("_height", "_pressed", "top"):
+        monkeypatch.setattr(over_wire, name, python_of(getattr(over_wire, name)))
+    own, frame, deep = np.zeros(GONE_BY + 3 * PAST), np.zeros(12), 0.2e-3
+    own[GONE_BY + 3 * ((TICK - AGE) % PAST) + 2], frame[UPRIGHT] = higher + 0.3e-3, 1.0
+    w: Any = SimpleNamespace(
+        tick=(TICK,), measured=(TICK - AGE,), hip=(0.0, 0.0, RADIUS + higher - deep), pose=np.zeros(7), frame=frame,
+        lifts=(0.0,), slope_x=(0.0,), slope_y=(0.0,), load=np.zeros(6), loud=(0.0,),
+    )  # fmt: skip
+    c = SimpleNamespace(period=1e-3, radius=RADIUS, has_load=True, stiffness=STIFFNESS, x=0.0, y=0.0, z=higher)
+    assert python_of(over_wire.look_over_wire)(c, w, own) == 0
+    assert own[PRESSES] == pytest.approx(STIFFNESS * deep)

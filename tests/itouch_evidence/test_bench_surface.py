@@ -433,6 +433,7 @@ STEPPED_WIRED = [
     pytest.param(5, 101, "limit", id="and stays farther below the limit, as it is known late"),
     pytest.param(5, 40, "limit", id="an arm has room only for what a plate surely leaves"),
     pytest.param(31, 19, "limit", id="and likewise before another rim"),
+    pytest.param(5, 12, "step", id="an arm knows when a finger comes to a plate on the table, before that is read"),
 ]
 
 

@@ -211,8 +211,12 @@ def _beside(c: Any, frame: Any) -> float:
 
 
 @linked
-def _top(c: Any, frame: Any, pose: Any) -> float:
-    """Return the height in the world [m] of the lowest point of a finger on the face, for a pose (7,) of the device."""
+def top(c: Any, frame: Any, pose: Any) -> float:
+    """Return the height in the world [m] of the lowest point of a finger on the face, for a pose of the device.
+
+    ``c``: `Numbers`; ``frame`` (12,): the device's frame in the world, origin [m] and rotation [1]; ``pose`` (7,)
+    [m; quaternion].
+    """
     x, y, z = pose[0] + c.x, pose[1] + c.y, pose[2] + c.z
     up = frame[ROW_Z] * x + frame[ROW_Z + 1] * y + frame[ROW_Z + 2] * z
     return float(up + frame[ORIGIN_Z] + _beside(c, frame))
@@ -471,7 +475,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     """
     frame, sent, hip = seen.frame, seen.sent, seen.hip
     height, climb, level, sink = seen.height[0], seen.climb[0], seen.level[0], seen.sink[0]
-    lowest, here, last = hip[2] - c.radius, _top(c, frame, seen.pose), _top(c, frame, sent)
+    lowest, here, last = hip[2] - c.radius, top(c, frame, seen.pose), top(c, frame, sent)
     pressed, touching, withdrawn = seen.borne[0], seen.object[0] >= 0, seen.withdrawn[0] != 0
     if c.wire:
         here += own[SINCE]

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from itouch.plugin.carried_surfaces import ABOUT, LEFT, SURELY, TOUCH
 from itouch.plugin.kernels import kernel, linked
+from itouch_encountered.motion import top
 from itouch_encountered.surface_fields import (
     BEHIND,
     BENDS,
@@ -217,7 +218,7 @@ def _since(c: Any, own: Any, here: float, then: float, now: float) -> float:
 def _pressed(c: Any, own: Any, w: Any, here: float, age: int) -> float:
     """Return how hard the finger presses now [N]: the force read, corrected for how much deeper it has come since.
 
-    ``here``: the height read [m], which was measured ``age`` ticks ago.
+    ``here``: the height of the face by its reading [m], which was measured ``age`` ticks ago.
     """
     then = max(0.0, -w.load[2])
     if not c.has_load or not 0 <= age < PAST:
@@ -263,7 +264,7 @@ def look_over_wire(c: Any, w: Any, own: Any) -> int:
     own[SINCE] = _since(c, own, here, then, now)
     acts = _commanded(c, own, w, tick - 1.0)
     own[BEHIND] = 0.0 if math.isnan(acts) else acts - here - own[SINCE]
-    own[PRESSES] = _pressed(c, own, w, here, tick - measured)
+    own[PRESSES] = _pressed(c, own, w, top(c, w.frame, w.pose), tick - measured)  # the pose is not that of the face
     ahead = own[WAY] + c.period + own[LAG]
     x = ahead * (own[GOES + 1] + 0.5 * ahead * own[GOES + 2])
     y = ahead * (own[GOES + 4] + 0.5 * ahead * own[GOES + 5])
