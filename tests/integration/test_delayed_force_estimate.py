@@ -74,7 +74,10 @@ def test_the_surface_is_foreseen_by_how_the_finger_goes_along_its_slope(
     """A command that is sent now acts when the wire and the device's lag are over."""
     for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
         monkeypatch.setattr(over_wire, name, lambda *words: None)
-    for name, value in (("_height", 0.0), ("_commanded", math.nan), ("_since", 0.0), ("_pressed", 0.0), ("top", 0.0)):
+    for name, value in (
+        ("_height", 0.0), ("_commanded", math.nan), ("_since", 0.0), ("_pressed", 0.0), ("_highest", math.nan),
+        ("top", 0.0),
+    ):  # fmt: skip
         monkeypatch.setattr(over_wire, name, lambda *words, value=value: value)
     own = np.zeros(GONE_BY + 3 * PAST)
     own[WAY], own[LAG], period = 0.02, 0.009, 1e-3
@@ -99,7 +102,7 @@ def test_the_surface_has_gone_on_since_it_was_read_as_its_commands_have(
     """One command leaves in each tick, and each sends the surface further up: it follows by the device's lag."""
     for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
         monkeypatch.setattr(over_wire, name, lambda *words: None)
-    for name in ("_height", "_commanded", "_since", "_pressed", "top"):
+    for name in ("_height", "_commanded", "_since", "_pressed", "_highest", "top"):
         monkeypatch.setattr(over_wire, name, python_of(getattr(over_wire, name)))
     rise, size, period = 1e-4, 2 * AGE, 1e-3
     gone = np.zeros((size, 4))
@@ -124,7 +127,7 @@ def test_a_finger_presses_on_the_face_wherever_on_the_device_that_is(
     """A plate that lies on the table is higher than the table's pose; the finger has come to it since it was read."""
     for name in ("_follow", "_follow_lift", "_watch_wire", "_learn"):
         monkeypatch.setattr(over_wire, name, lambda *words: None)
-    for name, value in (("_commanded", math.nan), ("_since", 0.0)):
+    for name, value in (("_commanded", math.nan), ("_since", 0.0), ("_highest", math.nan)):
         monkeypatch.setattr(over_wire, name, lambda *words, value=value: value)
     for name in ("_height", "_pressed", "top"):
         monkeypatch.setattr(over_wire, name, python_of(getattr(over_wire, name)))
@@ -137,3 +140,18 @@ def test_a_finger_presses_on_the_face_wherever_on_the_device_that_is(
     c = SimpleNamespace(period=1e-3, radius=RADIUS, has_load=True, stiffness=STIFFNESS, x=0.0, y=0.0, z=higher)
     assert python_of(over_wire.look_over_wire)(c, w, own) == 0
     assert own[PRESSES] == pytest.approx(STIFFNESS * deep)
+
+
+@pytest.mark.parametrize(("since", "highest"), [(TICK, 1e-4), (TICK - 8, 3e-4), (TICK - 12, 5e-4), (TICK - 20, 5e-4)])
+def test_a_surface_may_be_as_high_as_the_highest_of_the_commands_that_have_acted(
+    since: int, highest: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one counts, too, that acted when it was read."""
+    monkeypatch.setattr(over_wire, "_height", python_of(over_wire._height))
+    gone, frame = np.zeros((8, 4)), np.zeros(12)
+    for i, (tick, height) in enumerate(((TICK - 15, 5e-4), (TICK - 10, 3e-4), (TICK - 5, 1e-4))):
+        gone[i] = tick, 0.0, 0.0, height
+    frame[UPRIGHT] = 1.0
+    found = [python_of(over_wire._highest)(SimpleNamespace(gone=gone, goings=(n,), frame=frame), since) for n in (3, 0)]
+    assert found[0] == pytest.approx(highest)
+    assert math.isnan(found[1])

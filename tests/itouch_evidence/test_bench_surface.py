@@ -297,6 +297,16 @@ def test_the_bench_judges_scenes_behind_wires(tmp_path: Path, capsys: pytest.Cap
     assert "has scenes behind wires: keep these in another file" in capsys.readouterr().err
 
 
+def test_behind_a_wire_a_plate_that_its_commands_have_sent_to_the_finger_is_not_called_absent(folder: Path) -> None:
+    """It still comes, though newer commands have called it back: where it is by these, a drive is later."""
+    _, scene = draw_wide(20, 41, folder)
+    session = scene.build(folder, catalog=draw_wire(20, 41).catalog())
+    course = follow(session, 0.68)
+    session.close()
+    assert course.pad[course.touching].max() > 0.2
+    assert judge(course, wired=True)["absent"] == 0.0
+
+
 def test_a_broken_scene_is_named_and_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

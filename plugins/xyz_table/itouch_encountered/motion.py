@@ -31,6 +31,7 @@ from itouch_encountered.feed_forward import bend, learn, watch
 from itouch_encountered.surface_fields import (
     ARRIVED,
     AT_FINGER,
+    AT_MOST,
     BEHIND,
     BENDS,
     COMING,
@@ -438,8 +439,8 @@ def _command(
 def _there(own: Any, before: bool, depth: float, pressed: float) -> bool:
     """Tell whether the surface is at the finger, or about to be.
 
-    ``before``: whether it was a tick ago; ``depth``: how far the finger seems to be in it [m]; ``pressed``: the force
-    on it [N].
+    ``before``: whether it was a tick ago; ``depth``: how far the finger seems to be in it, or behind a wire may be [m];
+    ``pressed``: the force on it [N].
     """
     if depth > -ABOUT or (own[TAKES] > 0.0 and (own[ARRIVED] > 0.0 or own[PRESS] > -HAND_OVER)):
         return True
@@ -515,5 +516,7 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
         learn(c, own, last, here, pressed)
     felt, slides = touching or pressed > LEFT, pressed > LEFT or lowest - here < SOON
     _command(c, own, frame, sent, seen.goes_x[0], seen.goes_y[0], goal, min(wanted, most), felt, slides)
-    own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, here - lowest, pressed) else 0.0
+    # Behind a wire it may still come, though newer commands have called it back.
+    highest = here + max(0.0, own[AT_MOST] - own[SINCE]) if c.wire else here
+    own[AT_FINGER] = 1.0 if touching and _there(own, seen.present[0] > 0.0, highest - lowest, pressed) else 0.0
     return 0

@@ -14,6 +14,7 @@ from itouch.plugin.carried_surfaces import ABOUT, LEFT, SURELY, TOUCH
 from itouch.plugin.kernels import kernel, linked
 from itouch_encountered.motion import top
 from itouch_encountered.surface_fields import (
+    AT_MOST,
     BEHIND,
     BENDS,
     COMMANDS,
@@ -175,6 +176,20 @@ def _commanded(c: Any, own: Any, w: Any, tick: float) -> float:
 
 
 @kernel
+def _highest(w: Any, since: float) -> float:
+    """Return the greatest height [m] of the commands that have acted at a tick or since; NaN: not known."""
+    size, count, most = w.gone.shape[0], w.goings[0], math.nan
+    for i in range(1, min(size, count) + 1):
+        row = (count - i) % size
+        height = _height(w.frame, w.gone[row, 1], w.gone[row, 2], w.gone[row, 3])
+        if not height <= most:
+            most = height
+        if w.gone[row, 0] <= since:
+            break
+    return float(most)
+
+
+@kernel
 def _learn(c: Any, own: Any, w: Any, acted: float, here: float, rushes: float, speed: float, elapsed: float) -> None:
     """Learn compliance, lag and inertia of the device from the error of a reading.
 
@@ -262,6 +277,8 @@ def look_over_wire(c: Any, w: Any, own: Any) -> int:
     late = max(0.0, own[LAG]) / c.period
     now, then = _commanded(c, own, w, tick - 1.0 - late), _commanded(c, own, w, measured - 1.0 - late)
     own[SINCE] = _since(c, own, here, then, now)
+    highest = _highest(w, measured - 1.0 - late)
+    own[AT_MOST] = own[SINCE] if math.isnan(highest) else max(0.0, own[SINCE], highest - here)
     acts = _commanded(c, own, w, tick - 1.0)
     own[BEHIND] = 0.0 if math.isnan(acts) else acts - here - own[SINCE]
     own[PRESSES] = _pressed(c, own, w, top(c, w.frame, w.pose), tick - measured)  # the pose is not that of the face

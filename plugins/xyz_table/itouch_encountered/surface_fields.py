@@ -68,6 +68,7 @@ OVER_WIRE: tuple[Field, ...] = (
     Field("pressed_now", unit="N", doc="how hard the finger presses on it now, by the last reading and since"),
     Field("place", unit="m", doc="how high it was a tick ago, by readings and commands"),
     Field("sent_to", unit="m", doc="how high its commands had sent it then"),
+    Field("at_most", unit="m", doc="how much higher than when it was read last it may be, by its commands since then"),
     Field("past", "f8", (PAST, 3), unit="mixed", doc="of each tick: how long it had rested [s], how fast the speed of "
           "the virtual surface changed [m/s2], and how high the finger's lowest point was [m]"),
 )  # fmt: skip
@@ -90,4 +91,4 @@ EVENED_X, EVENED_Y, EVENED_Z = _at["evened_x"], _at["evened_y"], _at["evened_z"]
 GOES, LIFTED, LIFTS, HOISTS = _at["goes"], _at["lifts_before"], _at["lift_speed"], _at["lift_hastens"]
 WAY, HOLD, COMMANDS, READ_AT, RISE = _at["ahead"], _at["hold"], _at["commands"], _at["read_at"], _at["climbs_by"]
 SINCE, BEHIND, RESTS, PRESSES = _at["since"], _at["behind"], _at["rests"], _at["pressed_now"]
-PLACE, SENT_TO, GONE_BY = _at["place"], _at["sent_to"], _at["past"]
+PLACE, SENT_TO, AT_MOST, GONE_BY = _at["place"], _at["sent_to"], _at["at_most"], _at["past"]
