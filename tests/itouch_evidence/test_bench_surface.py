@@ -444,6 +444,7 @@ STEPPED_WIRED = [
     pytest.param(5, 40, "limit", id="an arm has room only for what a plate surely leaves"),
     pytest.param(31, 19, "limit", id="and likewise before another rim"),
     pytest.param(5, 12, "step", id="an arm knows when a finger comes to a plate on the table, before that is read"),
+    pytest.param(5, 94, "step", id="and that a plate may be felt a tick later than it seems to be"),
 ]
 
 

@@ -266,7 +266,8 @@ def push(
     if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > max(virtual + APART, FELT_STEP):
         memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate's part has changed, as where the normal jumps
     if _still_changes(c, memory, touching):
-        unseen = (abs(depth) < SOON and pressed < NOTHING) or memory[CHANGING] > LED - SETS_OUT
+        # Where what presses is only thought to, the plate may be felt a tick later than that.
+        unseen = (abs(depth) < SOON and (guessed or pressed < NOTHING)) or memory[CHANGING] > LED - SETS_OUT
         step = FIRST_STEP if unseen else STEP
         # Between two readings the plate's force steps unseen: the arm's own steps leave room for that.
         most = min(step, HAND_STEP) if guessed and (pressed > NOTHING or depth > -ABOUT) else np.inf
