@@ -28,6 +28,11 @@ HEAD = """<itouch version="1.0" xmlns:thermal="urn:itouch:plugin:thermal" xmlns:
 TAIL = "\n</itouch>"
 
 
+ABSENT = """<itouch version="1.0" xmlns:odd-x="urn:itouch:plugin:odd-x">
+<devices><device name="a" plugin="usb-arm"><odd-x:hardware/></device></devices>
+</itouch>"""
+
+
 def problems_of(path: Path) -> list[Problem]:
     catalog = Catalog()
     scene, problems = read_scene(path, catalog)
@@ -153,6 +158,22 @@ def test_all_problems_at_once_in_file_order_and_one_per_cause(write: Write) -> N
     assert "did you mean 'stiffness'?" in found[0].render()
     assert "did you mean 'aluminium'?" in found[2].render()
     assert "first defined here" in found[3].render()
+
+
+@pytest.mark.parametrize(
+    ("installed", "says"),
+    [
+        (["odd-y"], "did you mean 'odd-y'? If not, install the distribution"),
+        (["quux"], "installed plugins are: 'quux'; else install the distribution"),
+        ([], "install the distribution"),
+    ],
+)
+def test_the_advice_on_an_absent_plugin_is_made_of_whole_sentences(
+    write: Write, monkeypatch: pytest.MonkeyPatch, installed: list[str], says: str
+) -> None:
+    monkeypatch.setattr(Catalog, "plugin_names", installed)
+    (problem,) = [one for one in problems_of(write("scene.xml", ABSENT)) if one.code == "unknown-plugin"]
+    assert problem.advice == f"{says} that offers it, for example `pip install itouch-odd-x`"
 
 
 def test_a_wrong_root_or_version_is_refused(write: Write) -> None:

@@ -31,8 +31,9 @@ def missing_part(extensions: Extensions, host: Node, node: Node, plugin: str) ->
     if failure := extensions.failure(plugin):
         return Problem("plugin-failed", failure, node.place, "`itouch-py devices` shows the whole reason")
     if plugin not in extensions.plugin_names:
-        advice = did_you_mean(plugin, extensions.plugin_names, "installed plugins are")
-        advice += f"; else install the distribution that offers it, for example `pip install itouch-{plugin}`"
+        near = did_you_mean(plugin, extensions.plugin_names, "installed plugins are")
+        install = f"install the distribution that offers it, for example `pip install itouch-{plugin}`"
+        advice = f"{near} If not, {install}" if near.endswith("?") else f"{near}; else {install}" if near else install
         return Problem("unknown-plugin", f"there is no plugin named '{plugin}'", node.place, advice)
     names = [f"{plugin}:{local}" for local in extensions.locals(plugin, host.tag)]
     advice = did_you_mean(f"{plugin}:{node.tag}", names, "it offers") or f"it offers nothing inside <{host.written}>"
