@@ -167,7 +167,7 @@ def test_an_error_ends_sessions_that_would_never_end() -> None:
         itouch.batch(FIRST, seeds=[1, 2, 3], until=ask, workers=2)
 
 
-@pytest.mark.parametrize("seed", [-1, 1 << 63, 1.5, "1"])
+@pytest.mark.parametrize("seed", [-1, 1 << 63, 1.5, "1", True])
 def test_what_is_no_seed_is_refused(seed: Any) -> None:
     with pytest.raises(ValueError, match=r"seed .* 0 to 2\^63 - 1"):
         itouch.batch(FIRST, seeds=[1, seed], until=0.01)
@@ -182,6 +182,9 @@ def test_what_is_no_seed_is_refused(seed: Any) -> None:
         ({"collect": "report"}, TypeError, "collect = 'report' must be a function"),
         ({"until": True}, TypeError, "until = True must be a number of seconds"),
         ({"until": "0.01"}, TypeError, "until = '0.01' must be a number of seconds"),
+        ({"seeds": 5}, TypeError, r"seeds = 5 must be several whole numbers, as \[1, 2, 3\] or range\(5\)"),
+        ({"seeds": "12"}, TypeError, "seeds = '12' must be several"),
+        ({"seeds": None}, TypeError, "seeds = None must be several"),
         ({"workers": 0}, ValueError, "workers = 0 must be a whole number, at least 1"),
         ({"workers": -2}, ValueError, "workers = -2 must be"), ({"workers": 1.5}, TypeError, "workers = 1.5 must be"),
     ],
@@ -190,7 +193,7 @@ def test_what_no_session_can_be_run_with_is_refused_before_one_runs(
     given: dict[str, Any], kind: type[Exception], says: str
 ) -> None:
     with pytest.raises(kind, match=says):
-        itouch.batch(SCENES / "absent.xml", seeds=[1, 2], **{"until": 0.01, **given})
+        itouch.batch(SCENES / "absent.xml", **{"seeds": [1, 2], "until": 0.01, **given})
 
 
 def test_a_fault_goes_whole_from_one_process_to_another() -> None:

@@ -15,6 +15,8 @@ def checked_seed(seed: SupportsIndex) -> int:
         If it is anything else: truncating a fraction would give another run than the one asked for.
     """
     try:
+        if isinstance(seed, bool):
+            raise TypeError
         number = operator.index(seed)
     except TypeError:
         raise ValueError(f"seed {seed!r} is not a whole number: give one from 0 to 2^63 - 1") from None

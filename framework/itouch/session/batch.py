@@ -101,21 +101,22 @@ def batch(
         If a device is not a twin, a seed is not valid, ``workers`` is below 1, or there is neither a time nor a
         scripted motion.
     TypeError
-        If ``until``, ``collect`` or ``workers`` is not of its kind, or what is collected cannot be passed from one
-        process to another.
+        If ``seeds``, ``until``, ``collect`` or ``workers`` is not of its kind, or what is collected cannot be passed
+        from one process to another.
     SessionError
         If a process ends before its session does: it was killed, or the machine ran out of memory.
     BaseException
         What ``until`` or ``collect`` raises; the other sessions are then ended, too.
     """
     _check(until, collect, workers)
+    wanted = _seeds(seeds)
     catalog = Catalog()
     if not isinstance(model, Model):
         model = Model.of(model if isinstance(model, Scene) else load_scene(model, catalog=catalog), catalog)
     hardware = [device.name for device in model.devices.values() if not device.twin]
     if hardware:
         raise ValueError(f"a batch runs on twins; '{hardware[0]}' is real: build the scene with twin='all'")
-    job, wanted = Job(model, catalog, until, collect), [checked_seed(seed) for seed in seeds]
+    job = Job(model, catalog, until, collect)
     count = min(len(wanted), workers or cores())
     if count <= 1 or "fork" not in multiprocessing.get_all_start_methods():
         return [job.run(seed) for seed in wanted]
@@ -136,3 +137,10 @@ def _check(until: Any, collect: Any, workers: Any) -> None:
             raise TypeError(f"workers = {workers!r} must be a whole number, at least 1") from None
         if count < 1 or isinstance(workers, bool):
             raise ValueError(f"workers = {workers!r} must be a whole number, at least 1")
+
+
+def _seeds(seeds: Any) -> list[int]:
+    """Return the seeds, or raise an error that says how they are given."""
+    if isinstance(seeds, str | bytes) or not isinstance(seeds, Iterable):
+        raise TypeError(f"seeds = {seeds!r} must be several whole numbers, as [1, 2, 3] or range(5)")
+    return [checked_seed(seed) for seed in seeds]
