@@ -301,6 +301,14 @@ def test_the_temperature_below_the_skin_follows_it() -> None:
     assert deep[200] == pytest.approx(306.0 - 6.0 * erfc(0.2e-3 / (2 * sqrt(1.005e-7 * t))), abs=0.02)
 
 
+def test_an_unknown_argument_is_told_with_the_usage_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["study", "run", "study.xml", "DATA", "--participant", "P01"])
+    told = capsys.readouterr().err
+    assert ended.value.code == 2 and told.startswith("usage: itouch-py study run ")
+    assert told.endswith("itouch-py study run: error: unrecognized arguments: DATA\n")
+
+
 def test_another_study_is_refused_in_the_same_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path)
     assert main(["study", "freeze", str(path), str(tmp_path / "data")]) == 0

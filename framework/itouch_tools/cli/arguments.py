@@ -32,6 +32,21 @@ class Parser(argparse.ArgumentParser):
         """Return the help."""
         return super().format_help() + "\n" + HELP
 
+    def add_subparsers(self, **named: Any) -> Any:
+        """Declare commands of this command, which refuse under their own names what they do not know."""
+        return super().add_subparsers(**{"parser_class": CommandParser, **named})
+
+
+class CommandParser(Parser):
+    """A parser of a command of another command."""
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Read a command line whole: argparse would leave what is unknown to the outer command, and print its usage."""
+        found = super().parse_known_args(args, namespace)
+        if found[1]:
+            self.error(f"unrecognized arguments: {' '.join(found[1])}")
+        return found
+
 
 def add_command(commands: Any, name: str, says: str) -> argparse.ArgumentParser:
     """Add a command of its own to a command, with what it does as help of both; return its parser."""
