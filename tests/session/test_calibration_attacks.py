@@ -58,6 +58,22 @@ def test_records_are_kept_where_the_scene_says(scene: Path, capsys: pytest.Captu
     assert "force_scale = 2500" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("name", ["arm.txt", "arm"])
+def test_records_are_used_whatever_the_name_of_their_file(scene: Path, name: str) -> None:
+    scene.write_text(ARM.replace("arm.json", name))
+    assert fit(scene, GOOD) == 0 and (scene.parent / "records" / name).exists()
+    assert scale(scene) == pytest.approx(2500.0)
+    assert cli(["check", str(scene)]) == 0
+
+
+@pytest.mark.parametrize("name", ["scene.XML", "scene.txt"])
+def test_records_are_used_whatever_the_name_of_the_scene(scene: Path, name: str) -> None:
+    scene = scene.rename(scene.parent / name)
+    scene.write_text(ARM.replace('stored-in="records/arm.json"', ""))
+    assert fit(scene, GOOD) == 0 and calibration.file_of(scene).exists()
+    assert scale(scene) == pytest.approx(2500.0)
+
+
 def test_a_second_calibration_begins_from_the_first(scene: Path) -> None:
     """What is measured with a record in force corrects that, not the scene's number."""
     assert fit(scene, GOOD) == 0

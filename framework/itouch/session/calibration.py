@@ -264,8 +264,7 @@ def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = N
     devices = []
     for device in scene.devices:
         path, changed = stored_in(scene, device), device
-        records = read_records(path) if path.suffix == ".json" and scene.source.endswith(".xml") else []
-        for record in records:
+        for record in read_records(path) if scene.source else ():
             if record.device != device.name or record.twin != bool(device.twin):
                 continue
             if ("device", device.name) in scene.uncertain.unsound:  # what the record is put into is not what was meant
@@ -303,12 +302,12 @@ def _with_notes(scene: Scene) -> Scene:
 
 def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
     """Yield a problem for each record that would be put into nothing, because a name in it is misspelt."""
-    if not scene.source.endswith(".xml"):
+    if not scene.source:
         return
     known = {device.name: device for device in scene.devices}
     paths = dict.fromkeys([home_of(scene), *(stored_in(scene, device) for device in scene.devices)])
     for path in paths:
-        for record in read_records(path) if path.suffix == ".json" else ():
+        for record in read_records(path):
             if record.device in known:
                 device = known[record.device]
                 kinds = offered(device, catalog) if catalog is not None else {}
