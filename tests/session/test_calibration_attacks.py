@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -107,7 +108,7 @@ def test_a_calibration_makes_the_folder_that_the_scene_names(scene: Path) -> Non
         {"mount": [0, 0, 0, 1e200, 1e200, 0, 0]}, {"residual": 10**400},
         {"mount": "1234567"}, {"values": {"force_scale": "x"}}, {"values": [1]}, {"values": {"force_scale": True}},
         {"made": "yesterday"}, {"made": "2026-01-01T00:00:00"}, {"expires": None}, {"residual": "small"},
-        {"residual": None}, {"samples": [3]}, {"twin": "no"}, {"device": 5}, {"kind": None}, {"more": 1},
+        {"residual": None}, {"residual": -0.1}, {"samples": -3}, {"samples": 2.5}, {"samples": [3]}, {"twin": "no"}, {"device": 5}, {"kind": None}, {"more": 1},
     ],
     ids=lambda change: str(change)[:60],
 )  # fmt: skip
@@ -125,7 +126,10 @@ def test_a_record_that_was_changed_by_hand_is_told(scene: Path, change: dict[str
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"device": "am"}, "of a device 'am', which the scene does not have*did you mean 'arm'?"),
+        (
+            {"device": "am"},
+            "of a device 'am', which the scene does not have*did you mean 'arm'? If not, remove the record",
+        ),
         ({"kind": "force-scal"}, "device 'arm' has no calibration 'force-scal' (arm.json)*did you mean 'force-scale'?"),
     ],
 )
@@ -198,6 +202,57 @@ def test_a_file_of_records_that_cannot_be_read_is_told_in_plain_words(scene: Pat
         load_scene(scene)
     assert said.replace("FORMAT", calibration.FORMAT).replace("PATH", str(stored)) in str(caught.value)
     assert not any(word in str(caught.value) for word in ("list indices", "argument", "CalibrationRecord"))
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "place"),
+    [
+        (lambda text: text[:100], "it is not JSON", ":6:12"),
+        (lambda text: text.replace('"samples": 3', f'"samples": {"9" * 5000}'), "'samples' must be a whole number", ":1:1"),
+        (lambda text: text.replace('"twin": true', '"twin": true, "twin": false'), "an object in it has 'twin' twice", ":1:1"),
+        (lambda text: text + " " * calibration.MOST, "it is larger than 8 MiB", ":1:1"),
+        (lambda text: text.replace("[", f"[{', '.join(['{}'] * 99)}, ", 1), "'values' is missing; and 984 more\n", ":1:1"),
+        (lambda text: text.replace('"arm"', '"\xe4rm"').encode("latin-1"), "it is not UTF-8 text", ":1:1"),
+    ],
+    ids=["cut", "digits", "twice", "huge", "many", "latin"],
+)  # fmt: skip
+def test_a_damaged_file_of_records_is_told_briefly_and_at_its_place(
+    scene: Path, change: Callable[[str], str | bytes], said: str, place: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    damaged = change(stored.read_text())
+    stored.write_bytes(damaged if isinstance(damaged, bytes) else damaged.encode())
+    for words in (["check"], ["calibrate"]):
+        capsys.readouterr()
+        assert cli([*words, str(scene)]) == 2
+        told = capsys.readouterr().err
+        assert said in told and f"--> {stored}{place}\n" in told and len(told) < 1500
+
+
+def test_two_records_of_one_thing_are_told(scene: Path) -> None:
+    assert fit(scene, GOOD) == 0
+    stored = scene.parent / "records/arm.json"
+    (record,) = calibration.read_records(stored)
+    calibration.write_records(stored, [record, replace(record, twin=False)])
+    assert scale(scene) == pytest.approx(2500.0)
+    calibration.write_records(stored, [record, replace(record, values={"force_scale": 3000.0})])
+    with pytest.raises(SceneError, match="record 2: it is of the same device and kind as record 1"):
+        load_scene(scene)
+
+
+@pytest.mark.parametrize("command", ["check", "calibrate"])
+def test_a_file_of_records_that_the_system_refuses_to_open_is_told(
+    scene: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A ring of links held no records, and a name that is too long, or a folder that is closed, ended in a traceback."""
+    stored = scene.parent / "records/arm.json"
+    stored.symlink_to(stored.name)
+    assert cli([command, str(scene)]) == 2
+    assert "symbolic links" in capsys.readouterr().err
+    scene.write_text(ARM.replace("arm.json", f"{'a' * 300}.json"))
+    assert cli([command, str(scene)]) == 2
+    assert "too long" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("value", [5.0, 1e9, -2000.0])

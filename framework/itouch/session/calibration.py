@@ -32,6 +32,10 @@ from itouch.schema.regular_files import open_regular
 FORMAT = "itouch-py calibration 1"
 #: What to do with a file that cannot be read.
 _ADVICE = "correct it, or remove it and calibrate again"
+#: How many mistakes of a file are told.
+_TOLD = 6
+#: Number of digits from which a whole number is taken for infinite; Python refuses to read 4301.
+_DIGITS = 400
 #: By how much the clock of the machine where a record was made may be ahead of this one.
 CLOCKS = datetime.timedelta(days=1)
 #: How much of a file of records is read at most [bytes].
@@ -92,37 +96,68 @@ def read_records(path: Path) -> list[CalibrationRecord]:
 
     Raises
     ------
-    ItouchError
-        If it is not a file of records.
+    SceneError
+        If it cannot be read, or is not a file of records.
     """
-    if not path.exists():
-        return []
     try:
         with open_regular(path) as stream:
-            data = json.loads(stream.read(MOST))
+            text = stream.read(MOST + 1)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise _unusable(path, error.strerror or f"{error}") from error
+    if len(text) > MOST:
+        raise _unusable(path, f"it is larger than {MOST >> 20} MiB")
+    try:
+        data = json.loads(text, parse_int=_integer, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
-        where = f"{path}:{error.lineno}:{error.colno}"
-        raise ItouchError(
-            f"calibration file '{path}' cannot be used: it is not JSON from {where} on; {_ADVICE}"
-        ) from error
+        why = f"it is not JSON from {path}:{error.lineno}:{error.colno} on"
+        raise _unusable(path, why, _ADVICE, error.lineno, error.colno) from error
     except RecursionError as error:
-        raise ItouchError(f"calibration file '{path}' cannot be used: it is nested too deep; {_ADVICE}") from error
+        raise _unusable(path, "it is nested too deep", _ADVICE) from error
     except UnicodeDecodeError as error:
-        raise ItouchError(f"calibration file '{path}' cannot be used: it is not UTF-8 text; {_ADVICE}") from error
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise ItouchError(f"calibration file '{path}' cannot be used: {why}") from error
+        raise _unusable(path, "it is not UTF-8 text", _ADVICE) from error
+    except ValueError as error:
+        raise _unusable(path, f"{error}", _ADVICE) from error
     if not isinstance(data, dict) or not isinstance(data.get("records"), list) or "format" not in data:
-        sentence = 'it must be a JSON object, {"format": ..., "records": [...]}'
-        raise ItouchError(f"calibration file '{path}' cannot be used: {sentence}; {_ADVICE}")
+        raise _unusable(path, 'it must be a JSON object, {"format": ..., "records": [...]}', _ADVICE)
     if data["format"] != FORMAT:
-        raise ItouchError(
-            f"calibration file '{path}' cannot be used: its format is '{data['format']}', this program reads '{FORMAT}'"
-        )
+        raise _unusable(path, f"its format is '{data['format']}', this program reads '{FORMAT}'")
     wrong = [f"record {number}: {told}" for number, one in enumerate(data["records"], 1) for told in _wrong(one)]
+    wrong = wrong or list(_repeated(data["records"]))
     if wrong:
-        raise ItouchError(f"calibration file '{path}' cannot be used: {'; '.join(wrong)}; {_ADVICE}")
+        more = f"; and {len(wrong) - _TOLD} more" if len(wrong) > _TOLD else ""
+        raise _unusable(path, "; ".join(wrong[:_TOLD]) + more, _ADVICE)
     return [_made_of(entry) for entry in data["records"]]
+
+
+def _unusable(path: Path, why: str, advice: str = "", line: int = 1, column: int = 1) -> SceneError:
+    sentence = f"calibration file '{path}' cannot be used: {why}"
+    return SceneError([Problem("calibration-stale", sentence, Place(str(path), line, column), advice)])
+
+
+def _integer(text: str) -> float:
+    """Read a whole number; one of more digits than a float can have is infinite, which no value of a record may be."""
+    return int(text) if len(text) < _DIGITS else math.inf
+
+
+def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object; of two values by one name, JSON itself would take the second without a word."""
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise ValueError(f"an object in it has '{name}' twice")
+        found[name] = value
+    return found
+
+
+def _repeated(entries: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield which records are of the same device and kind as another: which of them holds would be a guess."""
+    first: dict[tuple[str, str, bool], int] = {}
+    for number, one in enumerate(entries, 1):
+        before = first.setdefault((one["device"], one["kind"], one["twin"]), number)
+        if before != number:
+            yield f"record {number}: it is of the same device and kind as record {before}"
 
 
 def _made_of(entry: Mapping[str, Any]) -> CalibrationRecord:
@@ -159,7 +194,10 @@ def _wrong_value(name: str, value: Any) -> str:
     if name == "mount":
         right = isinstance(value, list) and len(value) in (0, 7) and all(_is_number(number) for number in value)
         return _wrong_mount(value) if right else "'mount' must be a position and a quaternion, 7 numbers"
-    return "" if _is_number(value) else f"'{name}' must be a finite number"
+    if name == "samples":
+        right = isinstance(value, int) and _is_number(value) and value >= 0
+        return "" if right else "'samples' must be a whole number, at least 0"
+    return "" if _is_number(value) and value >= 0 else f"'{name}' must be a finite number, at least 0"
 
 
 def _wrong_mount(value: Sequence[float]) -> str:
@@ -322,8 +360,8 @@ def _strangers(scene: Scene, catalog: Catalog | None) -> Iterator[Problem]:
                     f"calibration '{record.kind}' is of a device '{record.device}', which the scene does not have"
                 )
                 advice = did_you_mean(record.device, known, "its devices are") or "the scene has no devices"
-                place = Place(str(path), 1, 1)
-                yield Problem("calibration-stale", sentence, place, f"{advice}, or remove the record")
+                advice += " If not, remove the record" if advice.endswith("?") else "; or remove the record"
+                yield Problem("calibration-stale", sentence, Place(str(path), 1, 1), advice)
 
 
 def _doubted(name: str, scene: Scene) -> bool:
