@@ -125,6 +125,7 @@ def test_what_is_asked_wrongly_is_refused_in_a_sentence(served: Other) -> None:
             (lambda: touch.wait("contact", -1.0), "bad-number", "0 to 3600"),
             (lambda: touch.wait_skin(33.0), "no-skin", "measures"),
             (lambda: touch.mark(""), "refused", "printable"),
+            (lambda: touch.mark("\ud800"), "refused", "a mark's name is 1 to 32 bytes of printable text"),
             (lambda: touch._ask("dance"), "unknown-word", "describe, set, go"),
         ):
             with pytest.raises(ServedError, match=said) as caught:

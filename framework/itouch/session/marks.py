@@ -17,8 +17,7 @@ def encode(name: str, payload: Any) -> tuple[bytes, bytes]:
     ValueError
         If the name is empty or too long, or the payload is not JSON or too long.
     """
-    stored = name.encode()
-    if not 0 < len(stored) <= NAME or not name.isprintable():
+    if not name.isprintable() or not 0 < len(name.encode()) <= NAME:  # half of a surrogate pair has no bytes
         raise ValueError(f"a mark's name is 1 to {NAME} bytes of printable text, not {name!r}")
     try:
         text = "" if payload is None else json.dumps(payload, separators=(",", ":"), allow_nan=False)
@@ -26,7 +25,7 @@ def encode(name: str, payload: Any) -> tuple[bytes, bytes]:
         raise ValueError(f"the payload of mark '{name}' is not JSON: {error}") from error
     if len(text.encode()) > PAYLOAD:
         raise ValueError(f"the payload of mark '{name}' has {len(text.encode())} bytes, at most {PAYLOAD} are kept")
-    return stored, text.encode()
+    return name.encode(), text.encode()
 
 
 def put(state: Record, name: bytes, payload: bytes) -> int:
