@@ -287,3 +287,9 @@ def test_two_copies_that_say_the_same_are_no_news_and_two_that_do_not_are(home: 
     whole, told = read("P01")
     assert whole.values[:2] == (7.0, 5.0)
     assert told == ("participant 'P01': the two copies of what was used differ; the larger use counts",)
+
+
+@pytest.mark.parametrize("state", ["", " ", "state", "~/state"])
+def test_what_was_used_does_not_depend_on_the_working_folder(monkeypatch: pytest.MonkeyPatch, state: str) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", state)
+    assert participants.folder() == Path.home() / ".local" / "state" / "itouch-py" / "participants"

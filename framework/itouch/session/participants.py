@@ -64,8 +64,12 @@ class BudgetUse:
 
 
 def folder() -> Path:
-    """Return the folder of participants' files, in ``XDG_STATE_HOME`` or ``~/.local/state``."""
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "itouch-py" / "participants"
+    """Return the folder of participants' files, in ``XDG_STATE_HOME`` or ``~/.local/state``.
+
+    A relative ``XDG_STATE_HOME`` does not count, as its standard says: each folder would have a count of its own.
+    """
+    state = Path(os.environ.get("XDG_STATE_HOME", ""))
+    return (state if state.is_absolute() else Path.home() / ".local" / "state") / "itouch-py" / "participants"
 
 
 def read(code: str, now: float | None = None) -> tuple[BudgetUse, tuple[str, ...]]:
