@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from shipped import SCENES
 
+import itouch
 from itouch.schema import ItouchError, SceneError
 from itouch.session import calibration, load_scene
 from itouch_tools.cli import main as cli
@@ -92,6 +93,37 @@ def test_records_that_a_link_shares_stay_shared(scene: Path) -> None:
     assert link.is_symlink()
     (record,) = calibration.read_records(shared)
     assert record.values["force_scale"] == pytest.approx(scale(scene)) == pytest.approx(6250.0)
+
+
+@pytest.mark.parametrize("linked", ["records/arm.json", "records"])
+def test_records_behind_a_link_that_leads_nowhere_are_told(
+    scene: Path, linked: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A share that was not mounted held no records: a run went by the scene's own numbers without a word."""
+    share, link = scene.parent / "share", scene.parent / linked
+    assert fit(scene, GOOD) == 0
+    assert all("calibration records" not in notice for notice in itouch.build(scene).notices)
+    link.rename(share)
+    link.symlink_to(share)
+    assert scale(scene) == pytest.approx(2500.0)
+    gone = share.rename(scene.parent / "unmounted")
+    assert scale(scene) == pytest.approx(2000.0)
+    (told,) = [notice for notice in itouch.build(scene).report()["notices"] if "calibration records" in notice]
+    assert f"'{link}' is a link to '{share}', which is not there" in told
+    capsys.readouterr()
+    for command in ("check", "calibrate"):
+        assert cli([command, str(scene)]) == 0
+        assert told in " ".join(capsys.readouterr().out.split()).replace("- ", "")
+    gone.rename(share)
+    assert all("calibration records" not in notice for notice in itouch.build(scene).notices)
+
+
+def test_a_calibration_through_a_link_to_a_new_file_is_nothing_to_tell(scene: Path) -> None:
+    (scene.parent / "records/arm.json").symlink_to(scene.parent / "laboratory.json")
+    assert fit(scene, GOOD) == 0
+    assert (scene.parent / "records/arm.json").is_symlink()
+    assert scale(scene) == pytest.approx(2500.0)
+    assert all("calibration records" not in notice for notice in itouch.build(scene).notices)
 
 
 def test_a_calibration_makes_the_folder_that_the_scene_names(scene: Path) -> None:

@@ -47,6 +47,7 @@ class Scene(Shown):
     Two scenes are equal if they describe the same; the places where it was written do not count. Files that it names
     (meshes) are in ``folder`` and below, or their content is in ``files`` by name, as in a scene taken from a session.
     ``swapped`` is what the scene says of its own rig, if another was put under it: its demands hold for that one too.
+    ``notes`` are sentences on what was found, or not, as it was loaded; its sessions have them among their notices.
     """
 
     #: Imported by name when a notebook asks: the core imports nothing from the tools.
@@ -65,6 +66,7 @@ class Scene(Shown):
     version: str = VERSION
     source: str = field(default="", compare=False)
     swapped: ReplacedRig | None = field(default=None, compare=False, repr=False)
+    notes: tuple[str, ...] = field(default=(), compare=False, repr=False)
     folder: str = field(default=".", compare=False)
     files: Mapping[str, bytes] | None = field(default=None, compare=False, repr=False, hash=False)
     places: Places = field(default_factory=Places, compare=False, repr=False, hash=False)

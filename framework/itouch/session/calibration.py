@@ -315,7 +315,25 @@ def calibrated(scene: Scene, *, stale: bool = False, catalog: Catalog | None = N
     if problems and not stale:
         raise SceneError(problems)
     same = all(one is other for one, other in zip(devices, scene.devices, strict=True))
-    return _with_notes(scene if same else replace(scene, devices=tuple(devices)))
+    found = scene if same else replace(scene, devices=tuple(devices))
+    lost = tuple(_lost_links(scene))
+    return _with_notes(replace(found, notes=(*found.notes, *lost)) if lost else found)
+
+
+def _lost_links(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each file of records behind a link that leads nowhere: its disk may not be mounted."""
+    if not scene.source:
+        return
+    for path in dict.fromkeys(stored_in(scene, device) for device in scene.devices):
+        if os.path.exists(path):
+            continue
+        for part in (path, *path.parents):
+            if os.path.islink(part) and not os.path.exists(part):
+                yield (
+                    f"no calibration records are used from '{path}': '{part}' is a link to '{os.readlink(part)}', "
+                    "which is not there; mount its disk, or calibrate to make the file"
+                )
+                break
 
 
 def _with_notes(scene: Scene) -> Scene:

@@ -133,6 +133,8 @@ def _list(options: argparse.Namespace) -> int:
         _tell(record)
     if not records:
         print("no records")
+    for note in scene.notes:
+        print(note)
     return 0
 
 
