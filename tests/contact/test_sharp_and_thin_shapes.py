@@ -180,6 +180,25 @@ def test_what_comes_from_behind_is_let_through_and_held_from_the_front(seed: int
     assert place[2] > surface.closest(place)[0][2]
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_probe_behind_a_surface_that_touches_the_front_of_its_wall_is_not_thrown_out(
+    seed: int, friction: float
+) -> None:
+    """A sheet is touched from below only, and a wall hangs from its edge: a probe in the sheet came to lie upon it."""
+    rng = np.random.default_rng(seed)
+    size, high = random_size(rng), 0.13
+    corners = [[-1, 0, 0], [1, 0, 0], [1, 1, 0], [-1, 1, 0], [-1, 0, -0.5], [1, 0, -0.5]]
+    shape = mesh(np.array(corners, float), np.array([[0, 2, 1], [0, 3, 2], [0, 1, 5], [0, 5, 4]], np.int32), size)
+    probe = Probe(shape, radius=0.4 * size, friction=(friction, friction), pose=random_pose(rng, size))
+    last = None
+    for y in np.arange(0.7, 0.05, -0.003):
+        place = probe([0.01 * size, y * size, high * size]) / size
+        assert last is None or np.linalg.norm(place - last) < 0.03
+        last = place
+    assert probe.contacts == 1
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_closed_surface_with_its_front_inside_is_a_room(seed: int) -> None:
     rng = np.random.default_rng(seed)

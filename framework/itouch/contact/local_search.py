@@ -46,8 +46,21 @@ def _walk(mesh: Mesh, first: int, q: Vector) -> tuple[int, Vector]:
 
 
 @inner
-def _follow_seeds(site: Floats, mesh: Mesh, x: Vector) -> None:
-    """Replace each triangle in view by its neighbour nearest to ``x``, if that is nearer and not in view already."""
+def _leads_behind(site: Floats, mesh: Mesh, k: int, t: int, p: Vector) -> bool:
+    """Tell whether a triangle of a one-sided open surface lets through a probe that is at ``p``, world frame.
+
+    A probe that is on its way through the surface from behind may touch the front of another part of it; the triangles
+    next to that part are then nearer to the goal, but hold back nothing.
+    """
+    return bool(site[k, at.FRAME_SIDES] == at.ONE_SIDED and not counts(site, mesh, k, t, to_local(site, k, p)))
+
+
+@inner
+def _follow_seeds(site: Floats, mesh: Mesh, p: Vector, x: Vector) -> None:
+    """Replace each triangle in view by its neighbour nearest to ``x``, if that is nearer and not in view already.
+
+    The probe comes from ``p``: a neighbour that lets it through is left out.
+    """
     first, end = at.SEED_FIRST, int(site[at.ENDS, at.END_SEEDS])
     for s in range(first, end):
         k, here = int(site[s, at.SEED_FRAME]), int(site[s, at.SEED_TRIANGLE])
@@ -61,7 +74,7 @@ def _follow_seeds(site: Floats, mesh: Mesh, x: Vector) -> None:
                 known = known or (site[other, at.SEED_TRIANGLE] == t and site[other, at.SEED_FRAME] == k)
             if not known:
                 d = sub(q, nearest_of(mesh[0], mesh[1], t, q))
-                if dot(d, d) < best:
+                if dot(d, d) < best and not _leads_behind(site, mesh, k, t, p):
                     best = dot(d, d)
                     site[s, at.SEED_TRIANGLE] = t
 
@@ -95,7 +108,10 @@ def _guess(site: Floats, mesh: Mesh, lead: int, p: Vector, goal: Vector) -> tupl
     k = int(site[lead, at.SEED_FRAME])
     radius = site[k, at.FRAME_REACH]
     q = to_local(site, k, goal)
-    t, foot = _walk(mesh, int(site[lead, at.SEED_TRIANGLE]), q)
+    seed = int(site[lead, at.SEED_TRIANGLE])
+    t, foot = _walk(mesh, seed, q)
+    if t != seed and _leads_behind(site, mesh, k, t, p):
+        t, foot = seed, nearest_of(mesh[0], mesh[1], seed, q)
     site[lead, at.SEED_TRIANGLE] = t
     d = sub(q, foot)
     away = norm(d)
@@ -194,7 +210,7 @@ def search_locally(site: Floats, mesh: Mesh, p: Vector, goal: Vector) -> tuple[b
             exact, x, foot = _guess(site, mesh, lead, p, goal)
         else:
             exact, x = False, add(x, solution[0])
-            _follow_seeds(site, mesh, x)
+            _follow_seeds(site, mesh, p, x)
             if lead >= 0:
                 k = int(site[lead, at.SEED_FRAME])
                 foot = nearest_of(mesh[0], mesh[1], int(site[lead, at.SEED_TRIANGLE]), to_local(site, k, x))
