@@ -137,6 +137,23 @@ def thin(kind: str, folder: Path) -> str:
     return world + '<box name="lower" pos="0 0 -10 mm" size="90 90 4 mm" material="stuff"/>' * (kind == "shelves")
 
 
+def test_where_nothing_is_below_a_finger_that_touches_the_arm_renders(folder: Path) -> None:
+    """A finger came round the rim to the back of a sheet: no plate was near it, but one was said to render that."""
+    corners = [[-20, 0, 10], [20, 0, 10], [20, 20, 10], [-20, 20, 10], [-20, 0, 0], [20, 0, 0]]
+    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 5], [0, 5, 4]]  # a sheet whose front is below, and a wall under its edge
+    trimesh.Trimesh(corners, faces, process=False).export(folder / "meshes/rim.stl")
+    world = '<mesh name="thing" file="meshes/rim.stl" pos="0 0 0 mm" sides="one" material="stuff"/>'
+    motion = (
+        '<to pos="0 14 30 mm" in="0.1 s" hold="0.1 s"/><to pos="0 14 13 mm" in="0.4 s" hold="0.1 s"/>'
+        '<to pos="0 -1 14 mm" in="0.5 s" hold="0.4 s"/><to pos="0 -1 35 mm" in="0.4 s"/>'
+    )
+    course = follow(Slope(world, motion).build(folder))
+    bare = course.touching & (course.normal[:, 2] > 0.95) & (course.depth == -np.inf)
+    assert bare.sum() > 100 and course.pad.max() == 0.0
+    assert not (course.plate | course.renders)[bare].any()
+    assert broken(judge(course)) == []
+
+
 @pytest.mark.parametrize("deep", [20.0, 40.0])
 @pytest.mark.parametrize(("kind", "friction"), [
     ("thin", 0.0), ("thin", 0.6), ("thick", 0.0), ("mesh", 0.0), ("shelves", 0.3), ("tilted", 0.0), ("prism", 0.6),

@@ -54,11 +54,11 @@ def along(frame: Any, normal: Any) -> float:
 
 
 @linked
-def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) -> None:
+def choose(c: Any, own: Any, upright: float, touching: bool, away: bool) -> None:
     """Decide whether surface or arm renders the contact, with hysteresis: a contact that has begun changes hands late.
 
-    ``upright``: the cosine of the angle between the virtual surface and this one [1]; ``withdrawn``: safety keeps this
-    one away (T4).
+    ``upright``: the cosine of the angle between the virtual surface and this one [1]; ``away``: safety keeps this one
+    away (T4), or there is no virtual surface below the finger.
     """
     if touching:
         own[FREE] = 0.0
@@ -71,7 +71,7 @@ def choose(c: Any, own: Any, upright: float, touching: bool, withdrawn: bool) ->
         own[FREE] += c.period
         if own[FREE] > TRY_AGAIN and own[LOST] == LOW:
             own[LOST] = 0.0
-    if own[LOST] > 0.0 or withdrawn:
+    if own[LOST] > 0.0 or away:
         own[TAKES] = 0.0
 
 

@@ -491,7 +491,8 @@ def carry(c: Any, seen: Any, goal: Any, own: Any) -> int:
     if withdrawn:
         own[LOST] = 0.0
     upright = seen.upright[0]  # of the face below, where the surface would go; the finger may touch another one
-    choose(c, own, min(upright, along(frame, seen.normal)) if touching else upright, touching, withdrawn)
+    bare = touching and not height > -np.inf  # round the rim of an open surface: there is nothing below to present
+    choose(c, own, min(upright, along(frame, seen.normal)) if touching else upright, touching, withdrawn or bare)
     if seen.ready[0] != 0 and c.has_load and own[LOST] == 0.0 and not withdrawn:
         doubt(c, own, here - lowest, pressed, touching)
         if own[LOST] == 0.0:
