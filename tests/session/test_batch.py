@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import pickle
 import signal
@@ -182,6 +183,9 @@ def test_what_is_no_seed_is_refused(seed: Any) -> None:
         ({"collect": "report"}, TypeError, "collect = 'report' must be a function"),
         ({"until": True}, TypeError, "until = True must be a number of seconds"),
         ({"until": "0.01"}, TypeError, "until = '0.01' must be a number of seconds"),
+        ({"until": -1}, ValueError, "until = -1 must be a finite number, at least 0 s"),
+        ({"until": math.nan, "seeds": []}, ValueError, "until = nan must be a finite number"),
+        ({"until": math.inf}, ValueError, "until = inf must be a finite number"),
         ({"seeds": 5}, TypeError, r"seeds = 5 must be several whole numbers, as \[1, 2, 3\] or range\(5\)"),
         ({"seeds": "12"}, TypeError, "seeds = '12' must be several"),
         ({"seeds": None}, TypeError, "seeds = None must be several"),

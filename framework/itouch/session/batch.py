@@ -13,6 +13,7 @@ from itouch.loop import DeviceFaultError
 from itouch.platforms import cores
 from itouch.plugin.discovery import Catalog
 from itouch.scene import Scene
+from itouch.schema.quantities import checked_time
 from itouch.schema.seeds import checked_seed
 from itouch.session.building import load_scene
 from itouch.session.forks import forked
@@ -98,8 +99,8 @@ def batch(
     SceneError
         With all problems of the scene.
     ValueError
-        If a device is not a twin, a seed is not valid, ``workers`` is below 1, or there is neither a time nor a
-        scripted motion.
+        If a device is not a twin, a seed or the time is not valid, ``workers`` is below 1, or there is neither a time
+        nor a scripted motion.
     TypeError
         If ``seeds``, ``until``, ``collect`` or ``workers`` is not of its kind, or what is collected cannot be passed
         from one process to another.
@@ -128,6 +129,8 @@ def _check(until: Any, collect: Any, workers: Any) -> None:
     """Raise an error for what would only fail when a session has run, or be taken for something else."""
     if isinstance(until, bool) or not (until is None or callable(until) or isinstance(until, Real)):
         raise TypeError(f"until = {until!r} must be a number of seconds, a function of the session, or None")
+    if until is not None and not callable(until):
+        checked_time("until", until)
     if not callable(collect):
         raise TypeError(f"collect = {collect!r} must be a function of a session; left out, its report is collected")
     if workers is not None:
