@@ -24,7 +24,8 @@ from itouch.schema import ItouchError
 
 #: Version of the protocol (of the lines), which is in the first answer.
 LINES = 1
-#: Longest line [bytes], most unread answers of a caller [bytes], most callers, and how long [s] a key may take to come.
+#: Longest line [bytes]; most [bytes] of a caller's answers that it has not read, and of its requests while one is not
+#: answered; most callers; and how long [s] a key may take to come.
 LONGEST, BACKLOG, MOST, PATIENCE = 1 << 16, 8 << 20, 8, 5.0
 _HOST = "127.0.0.1"
 
@@ -187,13 +188,16 @@ class StudyServer:
         return bool(strangers)
 
     def _hear(self, caller: Caller) -> None:
-        room = LONGEST - len(caller.coming)
-        if room <= 0:
-            if b"\n" not in caller.coming:  # a line without an end
+        if len(caller.coming) >= LONGEST:
+            # A line without an end.  Of a caller who is not answered yet all is read that comes: its end stands behind
+            # what it has sent, and one that has gone must neither keep its place nor let time go on for it.
+            too_much = len(caller.coming) >= BACKLOG if caller.busy else b"\n" not in caller.coming
+            if too_much:
                 self._hang_up(caller)
-            return
+            if too_much or not caller.busy:
+                return
         try:
-            piece = caller.line.recv(room)
+            piece = caller.line.recv(LONGEST)
         except (BlockingIOError, InterruptedError):
             return
         except OSError:
@@ -226,6 +230,9 @@ class StudyServer:
         """Return a caller's next request; the first line is the key."""
         end = caller.coming.find(b"\n")
         if caller.busy or end < 0:
+            return None
+        if end > LONGEST:
+            self._hang_up(caller)
             return None
         text = bytes(caller.coming[:end])
         del caller.coming[: end + 1]
