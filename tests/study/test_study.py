@@ -270,6 +270,16 @@ def test_small_panels_have_a_page(tmp_path: Path, hands: None, keep: int) -> Non
         json.dumps(result, allow_nan=False)
 
 
+@pytest.mark.parametrize("task", ['kind="identify"', 'kind="odd" standard="wood"', 'kind="colder" standard="wood"'])
+def test_a_report_without_resampling_lacks_intervals_alone(tmp_path: Path, hands: None, task: str) -> None:
+    """The ends of an interval that is not there were taken for proportions, and refused."""
+    file = loaded(tmp_path, task=f'{task} factor="material"', more='<order repetitions="6"/>')
+    result = analyse(file, simulated(file, tmp_path), draws=0)
+    assert result["correct"]["panel_mean"] > 0.3
+    assert page(result, {})
+    json.dumps(result, allow_nan=False)
+
+
 def test_a_staircase_finds_what_is_told_apart(tmp_path: Path, hands: None) -> None:
     factor = (
         '<staircase name="gain" procedure="quest" set="block.friction" low="-2" high="2" start="1" standard="0" '

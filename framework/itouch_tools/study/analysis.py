@@ -30,7 +30,8 @@ DRAWS = 2000
 def analyse(file: StudyFile, rows: Sequence[Row], *, draws: int = DRAWS) -> dict[str, Any]:
     """Return the results of a study as plain data for JSON.
 
-    Practice trials and void ones do not count; the results say how many there were.
+    Practice trials and void ones do not count; the results say how many there were.  ``draws`` is the number of
+    resampled panels of an interval; 0: without intervals that need them.
     """
     study = file.study
     counted = [row for row in rows if row.block not in UNCOUNTED and not row.void]
@@ -212,7 +213,7 @@ def _sensitivity(file: StudyFile, rows: Sequence[Row], draws: int) -> list[dict[
         for level in factor.names if factor.name == study.task.factor else ():
             here = [row for row in rows if row.condition.get(factor.name) == level and row.right is not None]
             interval = stats.share_interval(_counts(here), seed=study.seed, draws=draws)
-            ends = [inverse(end) for end in interval] if here else list(interval)
+            ends = [inverse(end) if math.isfinite(end) else math.nan for end in interval]
             value = inverse(_panel_share(_by_person(here))) if here else math.nan
             found.append({"level": level, "trials": len(here), "d_prime": value, "d_prime_95": ends})
     return found
