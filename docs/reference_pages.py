@@ -26,7 +26,8 @@ VARIABLES = """\
 ## Environment variables
 
 A folder for what is cached is used only if it is the user's and nobody else can write to it. `itouch-py doctor` names
-each with what is in it, and `itouch-py doctor --clear-kept` empties them.
+each with what is in it, and `itouch-py doctor --clear-kept` empties them. Give full paths: a relative
+one is ignored, with a note.
 
 | variable | meaning | default |
 |---|---|---|

@@ -18,6 +18,8 @@ from itouch.platforms import NO_WAIT, OPEN_FLAGS
 #: Flags of opening an entry: a pipe under its name is not waited for, and a link is not followed.
 _GUARDED = os.O_RDONLY | NO_WAIT | OPEN_FLAGS | getattr(os, "O_NOFOLLOW", 0)
 _OFF = ("off", "no", "0", "none")
+#: Environment variables that name other folders: of compiled kernels, of results, and of mesh files' surfaces.
+SWITCHES = ("ITOUCH_KERNELS", "ITOUCH_KEPT", "ITOUCH_MESH_CACHE")
 #: After what time [s] half an entry is one that its writer, which was killed, has left: writing takes milliseconds.
 _LEFT = 3600.0
 
@@ -30,12 +32,13 @@ def folder(name: str, switch: str) -> Path | None:
     name
         Name of the folder inside the user's cache folder.
     switch
-        Name of an environment variable: its value is another folder, or ``off``.
+        Name of an environment variable: its value is the full path of another folder, or ``off``.  A relative path
+        does not count (`relative_switches`): each folder in which the program is started would get a cache of its own.
     """
     given = os.environ.get(switch, "")
     if given.lower() in _OFF:
         return None
-    if given:
+    if os.path.isabs(given):
         return Path(given)
     if sys.platform == "darwin":
         root = Path("~/Library/Caches").expanduser()
@@ -45,6 +48,15 @@ def folder(name: str, switch: str) -> Path | None:
         xdg = os.environ.get("XDG_CACHE_HOME", "")
         root = Path(xdg) if os.path.isabs(xdg) else Path("~/.cache").expanduser()
     return root / "itouch-py" / name if root.is_absolute() else None
+
+
+def relative_switches() -> dict[str, str]:
+    """Return the `SWITCHES` whose value does not count, as it is neither a full path nor ``off``, with the value."""
+    given = {switch: os.environ.get(switch, "") for switch in SWITCHES}
+    return {
+        switch: text for switch, text in given.items()
+        if text and text.lower() not in _OFF and not os.path.isabs(text)
+    }  # fmt: skip
 
 
 def owned(place: Path) -> bool:

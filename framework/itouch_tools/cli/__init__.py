@@ -259,6 +259,7 @@ def _dispatch(words: list[str]) -> int:
 
         print(f"itouch-py {version('itouch-py')}")
         return 0
+    _tell_relative_folders()
     if name in COMMANDS:
         return int(import_module(COMMANDS[name][0]).main(words[1:]))
     plugin = _plugin_commands().get(name)
@@ -267,6 +268,15 @@ def _dispatch(words: list[str]) -> int:
     if _looks_like_a_command(name):
         return _unknown(name)
     return int(import_module("itouch_tools.cli.run").main(words))
+
+
+def _tell_relative_folders() -> None:
+    """Print a note for each environment variable that names a folder by a relative path, which does not count."""
+    from itouch.caches import relative_switches
+    from itouch.schema.terminal import note
+
+    for switch, given in relative_switches().items():
+        note(f"{switch} is ignored: it must be a full path, or off, not '{given}'")
 
 
 def _help(words: list[str]) -> int:
