@@ -126,7 +126,8 @@ codecs.register_error("itouch.spelled", _spelled)
 class PlainStream:
     """A stream that escapes all that is written to it; ``inner`` is the terminal itself, for the program's own output.
 
-    A terminal that was closed is reported like a reader that has gone: ``BrokenPipeError``.
+    A terminal that was closed is reported like a reader that has gone: ``BrokenPipeError``.  With ``spare`` what finds
+    no room on a full disk is lost: of messages nobody could be told, and no session ends for one.
     """
 
     #: Called before anything is written, so that a moving line on the terminal makes room.
@@ -134,8 +135,8 @@ class PlainStream:
     #: Called with each text after it was written, so that the line can come back.
     after: Callable[[str], None] | None = None
 
-    def __init__(self, inner: TextIO) -> None:
-        self.inner = inner
+    def __init__(self, inner: TextIO, *, spare: bool = False) -> None:
+        self.inner, self._spare = inner, spare
         self._terminal, self._colours = is_terminal(inner), colours(inner)
 
     def write(self, text: str) -> int:
@@ -161,13 +162,14 @@ class PlainStream:
 
     @contextmanager
     def reached(self) -> Iterator[None]:
-        """Raise ``BrokenPipeError`` if a write inside the context finds the terminal closed."""
+        """Raise ``BrokenPipeError`` if a write inside the context finds the terminal closed; lose what may be lost."""
         try:
             yield
         except OSError as error:
             if self._terminal and error.errno in (errno.EIO, errno.ENXIO):
                 raise BrokenPipeError(errno.EPIPE, "the terminal was closed") from None
-            raise
+            if not self._spare or error.errno not in (errno.ENOSPC, errno.EDQUOT):
+                raise
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
@@ -186,7 +188,9 @@ def control(stream: TextIO, sequence: str) -> None:
 def escaped() -> Iterator[None]:
     """Escape all that is printed inside the context, and spell what the encoding of an output does not have."""
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (PlainStream(one) if not isinstance(one, PlainStream) else one for one in before)
+    sys.stdout, sys.stderr = (
+        one if isinstance(one, PlainStream) else PlainStream(one, spare=one is before[1]) for one in before
+    )
     with spelled(before[0]), spelled(before[1]):
         try:
             yield

@@ -134,7 +134,8 @@ def _main(argv: Sequence[str] | None) -> int:
     try:
         words, common = command_options.taken(words)
     except ItouchError as error:
-        print(error, file=sys.stderr)
+        with escaped():
+            print(error, file=sys.stderr)
         return 2
     if argv is None:
         from itouch.process_exit import refuse_sudden_ends
