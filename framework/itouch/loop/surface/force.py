@@ -96,6 +96,9 @@ BELOW = 0.02
 SPARE = 0.06
 #: The same where it is known later still: more than safety leaves by itself, so that this is not felt to cut.
 SPARE_LATE = 0.15
+#: How far the plate's force, as it is told between two readings, may go down and up again [N] before the arm follows:
+#: the next reading would cut the arm at once.
+PLAY = 0.08
 
 #: How long [s] the virtual force stands in for a plate that is not felt yet, and in what time it blends into the
 #: plate's.
@@ -143,13 +146,13 @@ def _still_changes(c: Floats, memory: Floats, touching: bool) -> bool:
 
 
 @linked
-def _within(c: Floats, memory: Floats, force: Floats, most: float, step: float) -> None:
+def _within(c: Floats, memory: Floats, force: Floats, most: float, step: float, play: float) -> None:
     """Cut a force (3,) to ``most`` [N], what the plate leaves of the limit; the limit comes back in small steps.
 
-    ``step``: by how much at most it is cut further in this tick [N].
+    ``step``: by how much at most it is cut further in this tick [N]; ``play``: by how much too far it may stay cut [N].
     """
     cut = min(c[FORCE_LIMIT] - max(0.0, most), memory[CUT] + step)
-    memory[CUT] = max(cut, memory[CUT] - 2.0 * HAND_STEP, 0.0)
+    memory[CUT] = max(cut, memory[CUT] - 2.0 * HAND_STEP, min(memory[CUT], cut + play), 0.0)
     _shorten(force, c[FORCE_LIMIT] - memory[CUT])
 
 
@@ -261,7 +264,7 @@ def push(
         spare = max(SPARE_LATE if guessed else SPARE, rise + 0.5 * SPARE) + memory[UNSURE]
         left = c[FORCE_LIMIT] - (pressed + spare if near else 0.0)
         step = HAND_STEP if guessed else max(STEP, pressed + NOTHING - memory[CUT])
-        _within(c, memory, force, left, step)
+        _within(c, memory, force, left, step, PLAY if guessed and near else 0.0)
     own, virtual = _anew(memory, WANTED, force), _anew(memory, VIRTUAL, figures[CONTACT_FORCE : CONTACT_FORCE + 3])
     if memory[RENDERS] > 0.0 and memory[PRESSED] > AFTER and own > max(virtual + APART, FELT_STEP):
         memory[CHANGING] = max(memory[CHANGING], AFTER)  # the plate's part has changed, as where the normal jumps
