@@ -270,17 +270,27 @@ def test_an_arm_gives_what_a_plate_leaves_of_the_limit(left: float, before: floa
     """``before``: what it was cut by a tick ago [N]; the limit of 3 N comes back in small steps."""
     c, kept, given = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY), np.array([3.0, 4.0, 0.0])
     c[render.FORCE_LIMIT], kept[surface_memory.CUT] = 3.0, before
-    _within(c, kept, given, left, np.inf)
+    _within(c, kept, given, left, np.inf, 0.0)
     assert given == pytest.approx([0.6 * most, 0.8 * most, 0.0])
 
 
 def test_what_an_arm_is_cut_by_grows_in_steps_where_the_plates_force_is_a_guess() -> None:
     c, kept, given = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY), np.array([0.0, 0.0, 3.0])
     c[render.FORCE_LIMIT], kept[surface_memory.CUT] = 3.0, 0.5
-    _within(c, kept, given, 1.0, force.HAND_STEP)
+    _within(c, kept, given, 1.0, force.HAND_STEP, 0.0)
     assert given[2] == pytest.approx(2.5 - force.HAND_STEP)
-    _within(c, kept, given, 2.49, force.HAND_STEP)
+    _within(c, kept, given, 2.49, force.HAND_STEP, 0.0)
     assert kept[surface_memory.CUT] == pytest.approx(0.51)  # no farther than it must be
+
+
+@pytest.mark.parametrize(("left", "cut"), [(2.05, 1.0), (2.3, 0.94), (2.1, 0.98), (1.98, 1.02)])
+def test_an_arm_does_not_follow_what_a_plates_force_seems_to_do_between_two_readings(left: float, cut: float) -> None:
+    """Cut by 1 N of 3, it stays so while a plate leaves little more; ``cut``: what it is cut by then [N]."""
+    c, kept, given = np.zeros(render.CONSTANTS), np.zeros(surface_memory.MEMORY), np.array([0.0, 0.0, 3.0])
+    c[render.FORCE_LIMIT], kept[surface_memory.CUT] = 3.0, 1.0
+    _within(c, kept, given, left, force.HAND_STEP, force.PLAY)
+    assert kept[surface_memory.CUT] == pytest.approx(cut)
+    assert given[2] == pytest.approx(3.0 - cut)
 
 
 @pytest.mark.parametrize(
